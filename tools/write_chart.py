@@ -43,6 +43,7 @@ NOT_FOR_VALUES: Final = frozenset(
         "broker_password_file",
         "broker_pid_file",
         "cell_url",
+        "cells",
         "clock_file",
         "composition_url",
         "console_map",

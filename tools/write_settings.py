@@ -14,6 +14,7 @@ from skyway_composition.settings import CompositionSettings
 from skyway_gateway.settings import GatewaySettings
 from skyway_provider_registry.settings import RegistrySettings
 
+from skyway.cells import CellSettings
 from skyway.runtime.settings import ServiceSettings
 
 PAGE: Final = Path(__file__).resolve().parent.parent / "docs/reference/settings.md"
@@ -154,7 +155,7 @@ def default_of(field: FieldInfo) -> str:
     """The default in code font, empty for none."""
     if field.is_required():
         return "required"
-    return "" if field.default in (None, ()) else f"`{field.default}`"
+    return "" if field.default in (None, (), {}, frozenset()) else f"`{field.default}`"
 
 
 def range_of(field: FieldInfo) -> str:
@@ -185,9 +186,9 @@ def table(title: str, rows: Sequence[Row]) -> str:
 
 def page() -> str:
     """The text of the page."""
-    shared = [name for name in ServiceSettings.model_fields if name != "port"]
+    shared = [name for name in CellSettings.model_fields if name != "port"]
     parts = [
-        table("Every cloud service", list(rows_of(ServiceSettings, but=["port"]))),
+        table("Every cloud service", list(rows_of(CellSettings, but=["port"]))),
         table("Gateway", list(rows_of(GatewaySettings, but=shared))),
         table("Provider registry", list(rows_of(RegistrySettings, but=shared))),
         table("Composition", list(rows_of(CompositionSettings, but=shared))),

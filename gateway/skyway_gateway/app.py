@@ -49,7 +49,6 @@ from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.gauges import GatewayGauges
 from skyway_gateway.live.routes import live_routes
-from skyway_gateway.network_store import read_cells
 from skyway_gateway.notifications.delivery_events import EventStream
 from skyway_gateway.notifications.fleet_time import publish_clock
 from skyway_gateway.notifications.routes import (
@@ -198,7 +197,6 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             await take_over(parts)
             await opened.enter_async_context(parts.clients["registry"])
             await opened.enter_async_context(parts.servers)
-            await parts.servers.begin_with(await read_cells(parts.db))
             await opened.enter_async_context(parts.post)
             await opened.enter_async_context(mqtt)
             loops = await opened.enter_async_context(Loops())

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Final
 
 from skyway.announced_networks import NetworkLearner, stations_from
-from skyway.cells import CellClients, Cells, table_from
+from skyway.cells import CellClients
 from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import KeyEntrance, Meters
@@ -40,7 +40,6 @@ from skyway_gateway.gauge_store import OPEN_ROWS
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.sources import Deliveries, Drones, World
-from skyway_gateway.network_store import keep_cells
 from skyway_gateway.notifications.delivery_events import EventListeners, EventRecorder
 from skyway_gateway.notifications.fair_slots import FairSlots, SlotLimits
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
@@ -80,8 +79,7 @@ def build_parts(
     db = Database(settings.database_url, outbox=outbox)
     own_id = f"{SERVICE}-{secrets.token_hex(8)}"
     registry = RestRegistry(clients["registry"])
-    cells = Cells(table_from(clients["registry"]), keep=partial(keep_cells, db))
-    servers = CellClients(clients["composition"], cells)
+    servers = CellClients(clients["composition"], settings.cells, settings.closed_networks)
     networks = NetworkLearner(stations_from(servers.of), keep=partial(keep_network, db))
     find = NetworkFinder(servers, networks.cached, db)
     composition = RoutedComposition(servers, find)

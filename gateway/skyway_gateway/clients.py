@@ -1,4 +1,4 @@
-"""What the gateway asks of registry and composition: two protocols and their REST clients."""
+"""What the gateway asks of registry and composition: two protocols, and the registry's client."""
 
 from http import HTTPStatus
 from typing import Annotated, Final, Protocol
@@ -13,11 +13,7 @@ from skyway.contracts.candidate import (
     PayloadLimitQuery,
 )
 from skyway.contracts.drones import DroneKeyAnswer, DroneKeyQuery, DroneQuota
-from skyway.contracts.forgotten_deliveries import (
-    FORGOTTEN_PATH,
-    ForgetDeliveries,
-    KeptDeliveries,
-)
+from skyway.contracts.forgotten_deliveries import ForgetDeliveries, KeptDeliveries
 from skyway.contracts.mission import (
     Booking,
     BookMissions,
@@ -34,9 +30,6 @@ from skyway.json_model import WireModel
 from skyway.runtime.errors import RemoteProblem
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import Caller
-
-#: How long composing may take, wall seconds. A repeated PUT gets the same answer.
-_COMPOSING_S: Final = 20.0
 
 #: Where composition is asked to cancel packages.
 CANCELLATIONS_PATH: Final = "/internal/deliveries/{delivery_id}/cancellations"
@@ -168,59 +161,3 @@ class RestRegistry:
     async def close_account(self, role: AccountRole, name: SubjectId) -> None:
         """Close a broker account; an account that does not exist is closed already."""
         await self._client.call("DELETE", f"/internal/{_ACCOUNTS[role]}/{name}")
-
-
-class RestComposition:
-    """One server of composition over REST."""
-
-    def __init__(self, client: ServiceClient) -> None:
-        self._client = client
-
-    async def check_stations(self, query: StationCheckQuery) -> StationCheck:
-        """Whether stations exist, where they are, and whether a path leads to them."""
-        return await self._client.call(
-            "POST", "/internal/station-checks", body=query, answer=StationCheck
-        )
-
-    async def quote(self, query: QuoteQuery) -> QuoteAnswer:
-        """The offers of all providers now, the best first; some are held if the query asks."""
-        return await self._client.call(
-            "POST", "/internal/quotes", body=query, answer=QuoteAnswer, timeout_s=_COMPOSING_S
-        )
-
-    async def keep(self, asked: KeepOffer) -> KeptOffer:
-        """Hold an offer until it is booked, or say why it cannot be kept."""
-        return await self._client.call("POST", "/internal/offers", body=asked, answer=KeptOffer)
-
-    async def release(self, hold_id: HoldId) -> None:
-        """Give up what a hold keeps."""
-        await self._client.call("DELETE", f"/internal/holds/{hold_id}")
-
-    async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
-        """Book the best plan; asked again for the same attempt, the answer is the same."""
-        return await self._client.call(
-            "PUT",
-            f"/internal/deliveries/{delivery_id}/missions",
-            body=requested,
-            answer=Booking,
-            timeout_s=_COMPOSING_S,
-        )
-
-    async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
-        """Refuse all further bookings of a delivery."""
-        path = f"/internal/deliveries/{delivery_id}/closed"
-        return await self._client.call("PUT", path, answer=ClosedDelivery)
-
-    async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
-        """Leave packages at the pickup, or bring them back, as far as possible."""
-        path = CANCELLATIONS_PATH.format(delivery_id=delivery_id)
-        return await self._client.call("POST", path, body=requested, answer=Cancellation)
-
-    async def track(self, delivery_id: DeliveryId) -> Track:
-        """Where the delivery's drones have been, are and will be."""
-        path = f"/internal/deliveries/{delivery_id}/track"
-        return await self._client.call("GET", path, answer=Track)
-
-    async def forget(self, asked: ForgetDeliveries) -> KeptDeliveries:
-        """Delete deliveries that ended long ago, except those that are still needed."""
-        return await self._client.call("POST", FORGOTTEN_PATH, body=asked, answer=KeptDeliveries)

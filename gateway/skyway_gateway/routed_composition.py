@@ -2,10 +2,15 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Final
 
 from skyway.announced_networks import CachedNetworks, check_stations
 from skyway.cells import CellClients, ask_all
-from skyway.contracts.forgotten_deliveries import ForgetDeliveries, KeptDeliveries
+from skyway.contracts.forgotten_deliveries import (
+    FORGOTTEN_PATH,
+    ForgetDeliveries,
+    KeptDeliveries,
+)
 from skyway.contracts.mission import (
     Booking,
     BookMissions,
@@ -16,31 +21,29 @@ from skyway.contracts.mission import (
 from skyway.contracts.quote import KeepOffer, KeptOffer, QuoteAnswer, QuoteQuery
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
+from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, HoldId, NetworkId, StationId
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.sql.database import Database
 from skyway_gateway import network_store
-from skyway_gateway.clients import RestComposition
+from skyway_gateway.clients import CANCELLATIONS_PATH
+
+#: How long composing may take, wall seconds. A repeated PUT gets the same answer.
+_COMPOSING_S: Final = 20.0
 
 
 @dataclass(frozen=True, slots=True)
 class NetworkFinder:
-    """Finds the network of a station or of a delivery; without cells it asks no server."""
+    """Finds the network of a station or a delivery; without cells it asks no server."""
 
     servers: CellClients
     networks: CachedNetworks
     db: Database
 
     async def of_station(self, station_id: StationId) -> NetworkId | None:
-        """The network of a station; None if no server knows the station.
-
-        Raises
-        ------
-        ServiceUnavailable
-            A server does not answer, and may have the station.
-        """
-        if not self.servers.has_cells:
+        """The network of a station; None if no server knows it. A silent server may know it."""
+        if not self.servers.needs_networks:
             return None
         cached = self.networks.network_of(station_id) or self.networks.last_network_of(station_id)
         if cached is not None:
@@ -56,7 +59,7 @@ class NetworkFinder:
         self, delivery_ids: Collection[DeliveryId]
     ) -> Mapping[DeliveryId, NetworkId | None]:
         """The network of each of these deliveries that the gateway knows."""
-        if not self.servers.has_cells:
+        if not self.servers.cells:
             return dict.fromkeys(delivery_ids)
         async with self.db.read() as connection:
             found = await network_store.networks_of(connection, delivery_ids)
@@ -68,10 +71,9 @@ class NetworkFinder:
 
 @dataclass(frozen=True, slots=True)
 class RoutedComposition:
-    """`Composition` at the servers of all networks.
+    """`Composition` over REST, at the servers of all networks.
 
-    A call raises `ServiceUnavailable` with the name of the cell if the cell's server does not
-    answer. A closed cell gets no new quotes and bookings.
+    The error of a silent server names its cell. A closed network gets no new quotes and bookings.
     """
 
     servers: CellClients
@@ -79,56 +81,66 @@ class RoutedComposition:
 
     async def must_accept(self, pickup: StationId) -> None:
         """Go on only if the network of this pickup accepts new requests."""
-        self.servers.must_be_open(await self.find.of_station(pickup))
+        self.servers.open_for(await self.find.of_station(pickup))
 
     async def check_stations(self, query: StationCheckQuery) -> StationCheck:
         """Whether stations exist, where they are, and whether a path leads to them."""
-        if not self.servers.has_cells:
-            return await RestComposition(self.servers.default).check_stations(query)
         return await check_stations(self.servers, query)
 
     async def quote(self, query: QuoteQuery) -> QuoteAnswer:
         """The offers of all providers now, the best first; some are held if the query asks."""
-        return await (await self._open_at(query.request.pickup.station_id)).quote(query)
+        server = await self._open_at(query.request)
+        return await server.call(
+            "POST", "/internal/quotes", body=query, answer=QuoteAnswer, timeout_s=_COMPOSING_S
+        )
 
     async def keep(self, asked: KeepOffer) -> KeptOffer:
         """Hold an offer until it is booked, or say why it cannot be held."""
-        return await (await self._open_at(asked.request.pickup.station_id)).keep(asked)
+        server = await self._open_at(asked.request)
+        return await server.call("POST", "/internal/offers", body=asked, answer=KeptOffer)
 
     async def release(self, hold_id: HoldId) -> None:
         """Release a hold, at the server that has the hold."""
 
         async def ask(client: ServiceClient) -> None:
-            await RestComposition(client).release(hold_id)
+            await client.call("DELETE", f"/internal/holds/{hold_id}")
 
         (await ask_all(self.servers.every(), ask)).must_be_whole()
 
     async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
         """Book the best plan; a repeated call for the same attempt has the same answer."""
-        server = await self._open_at(requested.request.pickup.station_id)
-        return await server.book(delivery_id, requested)
+        server = await self._open_at(requested.request)
+        path = f"/internal/deliveries/{delivery_id}/missions"
+        return await server.call(
+            "PUT", path, body=requested, answer=Booking, timeout_s=_COMPOSING_S
+        )
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
         """Refuse all further bookings of a delivery."""
-        return await (await self._server_of(delivery_id)).close(delivery_id)
+        path = f"/internal/deliveries/{delivery_id}/closed"
+        return await (await self._server_of(delivery_id)).call("PUT", path, answer=ClosedDelivery)
 
     async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
         """Leave packages at the pickup, or bring them back, as far as possible."""
-        return await (await self._server_of(delivery_id)).cancel(delivery_id, requested)
+        server, path = await self._server_of(delivery_id), CANCELLATIONS_PATH
+        return await server.call(
+            "POST", path.format(delivery_id=delivery_id), body=requested, answer=Cancellation
+        )
 
     async def track(self, delivery_id: DeliveryId) -> Track:
         """Where the delivery's drones have been, are and will be."""
-        return await (await self._server_of(delivery_id)).track(delivery_id)
+        path = f"/internal/deliveries/{delivery_id}/track"
+        return await (await self._server_of(delivery_id)).call("GET", path, answer=Track)
 
     async def forget(self, asked: ForgetDeliveries) -> KeptDeliveries:
         """Delete deliveries that ended long ago; those of a silent cell are kept."""
         networks = await self.find.of_deliveries(asked.delivery_ids)
         kept: list[DeliveryId] = []
         for network_id in dict.fromkeys(networks.values()):
-            some = [each for each, found in networks.items() if found == network_id]
+            some = tuple(each for each, found in networks.items() if found == network_id)
+            body, server = ForgetDeliveries(delivery_ids=some), self.servers.of(network_id)
             try:
-                server = RestComposition(self.servers.of(network_id))
-                answer = await server.forget(ForgetDeliveries(delivery_ids=tuple(some)))
+                answer = await server.call("POST", FORGOTTEN_PATH, body=body, answer=KeptDeliveries)
             except ServiceUnavailable:
                 if len(some) == len(networks):
                     raise
@@ -137,11 +149,11 @@ class RoutedComposition:
                 kept += answer.kept
         return KeptDeliveries(kept=tuple(sorted(kept)))
 
-    async def _open_at(self, pickup: StationId) -> RestComposition:
-        return RestComposition(self.servers.open_for(await self.find.of_station(pickup)))
+    async def _open_at(self, request: DeliveryRequest) -> ServiceClient:
+        return self.servers.open_for(await self.find.of_station(request.pickup.station_id))
 
-    async def _server_of(self, delivery_id: DeliveryId) -> RestComposition:
-        return RestComposition(self.servers.of(await self.find.of_delivery(delivery_id)))
+    async def _server_of(self, delivery_id: DeliveryId) -> ServiceClient:
+        return self.servers.of(await self.find.of_delivery(delivery_id))
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,11 +9,12 @@ from typing import Annotated
 from pydantic import AnyHttpUrl, Field, ValidationInfo, field_validator
 from pydantic_settings import NoDecode
 
+from skyway.cells import CellSettings
 from skyway.contracts.candidate import MOST_QUERIES
-from skyway.runtime.settings import ServiceSettings
+from skyway.ids import NetworkId
 
 
-class GatewaySettings(ServiceSettings):
+class GatewaySettings(CellSettings):
     """The settings of the gateway."""
 
     port: int = Field(
@@ -58,6 +59,14 @@ class GatewaySettings(ServiceSettings):
         description="Hours of fleet time. A request whose `earliest_pickup_at` is further ahead "
         "waits as SCHEDULED and holds nothing.",
     )
+    closed_networks: Annotated[
+        frozenset[NetworkId],
+        NoDecode,
+        Field(
+            description="Networks, separated by commas, that accept nothing new, so that their "
+            "missions come to an end. Waiting deliveries stay in the queue."
+        ),
+    ] = frozenset()
 
     delivery_days: float | None = Field(
         default=None,
@@ -236,6 +245,13 @@ class GatewaySettings(ServiceSettings):
                 "such as https://skyway.example.org"
             )
         return AnyHttpUrl(f"http://{shown}:{port}")
+
+    @field_validator("closed_networks", mode="before")
+    @classmethod
+    def _read_names(cls, value: object) -> object:
+        if isinstance(value, str):
+            return frozenset(part.strip() for part in value.split(",") if part.strip())
+        return value
 
     @field_validator("webhook_allow_networks", mode="before")
     @classmethod

@@ -147,14 +147,6 @@ known_networks = Table(
     Column("stations", Text, nullable=False),  # JSON of contracts.station_check.NetworkStations
 )
 
-#: One row: the last known table of cells, for the first requests after a start.
-known_cells = Table(
-    "known_cells",
-    metadata,
-    Column("only", SmallInteger, primary_key=True, autoincrement=False),
-    Column("cells", Text, nullable=False),  # JSON of skyway.contracts.cells.CellTable
-)
-
 events = Table(
     "events",
     metadata,

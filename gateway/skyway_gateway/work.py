@@ -8,7 +8,6 @@ that other replicas left. Bookings are found by all replicas, in turn.
 from collections.abc import Awaitable, Callable
 from typing import Final, Never
 
-from skyway.cells import READ_EVERY_S
 from skyway.contracts.topics import CONNECTION
 from skyway.runtime.loops import Loops, always, repeat
 from skyway.runtime.minting import mint
@@ -54,9 +53,6 @@ def start_work(loops: Loops, parts: Parts, mqtt: MqttClient, settings: GatewaySe
         polls=PollsInTurn(membership),
     )
     loops.start("wakes", wakes)
-    servers = parts.servers
-    cells = repeat("cells", servers.refresh, every_s=READ_EVERY_S, polls=servers.cells.polls)
-    loops.start("cells", cells)
     loops.start("live", parts.live.run())
     figures = LiveFigures(parts.live, parts.all_clients, parts.gauges)
     loops.start("live figures", figures.run())

@@ -1,13 +1,17 @@
 """Composition as an app: its routes, what it opens and closes, and its loops."""
 
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+import re
+from collections.abc import AsyncIterator, Mapping
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from fastapi import FastAPI
+from fastapi import FastAPI, Request
 
+from skyway.cells import NETWORK_HEADER
 from skyway.contracts.weather import ForecastDocument
+from skyway.ids import NetworkId
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -27,7 +31,6 @@ from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarm_routes import alarm_routes, drone_alarm_routes
-from skyway_composition.cell_routes import CellEntrance, cell_routes
 from skyway_composition.closures.routes import area_routes, place_routes
 from skyway_composition.closures.span_routes import span_routes
 from skyway_composition.gauges import CompositionGauges
@@ -45,12 +48,12 @@ from skyway_composition.missions.schedule.routes import schedule_routes
 from skyway_composition.missions.tracking_routes import tracking_routes
 from skyway_composition.networks.change_weather import WeatherChanges
 from skyway_composition.networks.routes import (
-    airspace_routes,
     network_routes,
 )
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
 from skyway_composition.networks.status_routes import service_status_routes
 from skyway_composition.networks.weather_routes import weather_routes
+from skyway_composition.own_cells import OwnCells
 from skyway_composition.pads.routes import pad_routes
 from skyway_composition.parts import SERVICE, Parts, parts_of, registry_client
 from skyway_composition.planning.routes import (
@@ -66,6 +69,25 @@ from skyway_composition.statistics.routes import mission_statistics_routes, stat
 from skyway_composition.work import Work
 
 PACKAGE: Final = "skyway_composition"
+
+_OF_A_NETWORK: Final = re.compile(r"/(?:v1|internal)/networks/([^/]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class CellEntrance:
+    """Admits requests of other services if they are for this composition's own networks."""
+
+    entrance: ServiceEntrance
+    own: OwnCells
+
+    async def __call__(self, request: Request) -> Mapping[str, str]:
+        """Check the service's secret, and the network in the header and in the path."""
+        headers = await self.entrance(request)
+        found = _OF_A_NETWORK.match(request.scope["path"])
+        for name in (request.headers.get(NETWORK_HEADER), found and found[1]):
+            if name is not None:
+                self.own.refuse_foreign(NetworkId(name))
+        return headers
 
 
 def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
@@ -85,7 +107,6 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 bookings=parts.bookings,
                 keeper=parts.keeper,
                 no_shows=parts.no_shows,
-                own=parts.own_cells,
             ),
             tracking_routes(db=db, gate=gate),
             schedule_routes(db=db, gate=gate, clock=clock),
@@ -109,7 +130,6 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 clock=clock,
                 count_drones=parts.count_drones,
             ),
-            airspace_routes(gate=gate, networks=networks),
             station_check_routes(db=db, gate=gate, networks=networks),
             pad_routes(db=db, gate=gate, clock=clock),
             live_routes(db=db, gate=gate, clock=clock),
@@ -140,7 +160,6 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             quarantine_routes(
                 db=db, gate=gate, replays=Replays(db, clock, parts.handler, parts.keys)
             ),
-            cell_routes(db=db, gate=gate, clock=clock, own=parts.own_cells),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
             figures_routes(gate=gate, gauges=parts.gauges),
         ],
@@ -175,24 +194,25 @@ def build_app(settings: CompositionSettings) -> FastAPI:
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         await migrate(settings.database_url, PACKAGE)
-        async with (
-            parts.db,
-            parts.membership,
-            parts.solver,
-            parts.inquiries,
-            parts.problems,
-            parts.search,
-            gateway,
-            registry,
-            mqtt,
-            Loops() as loops,
-        ):
+        async with parts.db, AsyncExitStack() as opened:
             await parts.own_cells.read_database(parts.db)
+            for each in (
+                parts.membership,
+                parts.solver,
+                parts.inquiries,
+                parts.problems,
+                parts.search,
+                gateway,
+                registry,
+                mqtt,
+            ):
+                await opened.enter_async_context(each)
+            loops = await opened.enter_async_context(Loops())
             if parts.db.dialect != "sqlite":  # another replica may follow the drones
                 parts.solver.needed.set()
             loops.start("warm", parts.solver.warm_when_needed())
             work.start(loops)
-            start_pruning(loops, parts.membership, parts.own_cells, parts.db, parts.clock, settings)
+            start_pruning(loops, parts.membership, parts.db, parts.clock, settings)
             yield
 
     async def readiness() -> dict[str, bool]:

@@ -4,7 +4,6 @@ import secrets
 from dataclasses import dataclass, field
 from typing import Final
 
-from skyway.cells import Cells, table_from
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
@@ -34,7 +33,7 @@ from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.service_status import CountDrones, count_drones_at
-from skyway_composition.own_cells import OwnCells, OwnDrones
+from skyway_composition.own_cells import OwnCells
 from skyway_composition.planning.no_shows import NoShows
 from skyway_composition.planning.plan_offers import Quotes
 from skyway_composition.planning.routes import StrategyRights
@@ -174,13 +173,11 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
         ReplicaStore(db, replicas, open_rows=OPEN_ROWS), own_id=own_id, clock=clock
     )
     listening = Listening(clock, membership)
-    own_cells = OwnCells(
-        Cells(table_from(registry)),
-        settings.cell_url,
-        is_default=settings.cell_url in (None, settings.composition_url),
-    )
+    own_cells = OwnCells.of(settings)
     keys = KeyBook(RegisteredKeys(registry, own_cells), clock)
-    quarantine = Quarantine(db, clock=clock, mint=mint, listening=listening)
+    quarantine = Quarantine(
+        db, clock=clock, mint=mint, listening=listening, is_foreign=own_cells.is_foreign
+    )
     return Parts(
         db=db,
         membership=membership,
@@ -188,7 +185,7 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
         metrics_gate=MetricsGate(settings.secrets_dir),
         clock=clock,
         mint=mint,
-        networks=PreparedNetworks(db, clock),
+        networks=PreparedNetworks(db, clock, own_cells),
         solver=_pool(settings, "missions", inline_labels=_INLINE_LABELS),
         inquiries=_pool(settings, "quotes", inline_labels=0),
         problems=_pool(settings, "problems", inline_labels=0),
@@ -199,7 +196,7 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
         listening=listening,
         quarantine=quarantine,
         keys=keys,
-        signatures=SignatureCheck(keys, OwnDrones(quarantine, own_cells)),
+        signatures=SignatureCheck(keys, quarantine),
         no_shows=NoShows(db, clock),
         own_cells=own_cells,
         count_drones=count_drones_at(registry),

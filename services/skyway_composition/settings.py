@@ -2,13 +2,13 @@
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
-from skyway.runtime.settings import ServiceSettings
+from skyway.cells import CellSettings
 
 
-class CompositionSettings(ServiceSettings):
-    """`ServiceSettings`, the limits of planning, and how long closures and alarms are kept."""
+class CompositionSettings(CellSettings):
+    """`CellSettings`, the limits of planning, and how long closures and alarms are kept."""
 
     port: int = Field(
         default=8002,
@@ -18,8 +18,8 @@ class CompositionSettings(ServiceSettings):
     )
     cell_url: str | None = Field(
         default=None,
-        description="The address of this composition in the table of cells. Without it this "
-        "composition serves the networks that have no cell.",
+        description="The address of this composition, as it stands in `SKYWAY_CELLS`. Without it "
+        "this composition is that of `SKYWAY_COMPOSITION_URL`.",
     )
     solver_threads: Annotated[
         int,
@@ -85,3 +85,16 @@ class CompositionSettings(ServiceSettings):
         description="Days of fleet time for which a version of a network is kept after a newer "
         "version has replaced it. Without it all versions are kept for ever.",
     )
+
+    @field_validator("cell_url")
+    @classmethod
+    def _serves_networks(cls, url: str | None, info: ValidationInfo) -> str | None:
+        """Refuse an address to which no service sends requests."""
+        default, cells = info.data.get("composition_url", ""), info.data.get("cells", {})
+        url = None if url is None else url.rstrip("/")
+        if url not in (None, default.rstrip("/"), *cells.values()):
+            raise ValueError(
+                f"{url} serves no network: it is neither SKYWAY_COMPOSITION_URL ({default}) nor "
+                f"in SKYWAY_CELLS ({', '.join(cells.values()) or 'which is empty'})"
+            )
+        return url

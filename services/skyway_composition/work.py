@@ -1,15 +1,13 @@
 """The loops that run beside composition's REST answers.
 
 Each replica sends messages, follows its own drones, and replans missions when it is woken. Only the
-leader runs the loops that look at all rows from time to time. A retired server (`own_cells`) does
-none of this.
+leader runs the loops that look at all rows from time to time.
 """
 
 from collections.abc import Mapping
 from functools import partial
 from typing import Final, Never
 
-from skyway.cells import READ_EVERY_S
 from skyway.contracts.mission_reports import MANY_MISSION_REPORTS, MISSION_REPORTS
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.loops import Loops, Wake, always, repeat
@@ -53,9 +51,8 @@ class Work:
         self._parts = parts
         self._mqtt = mqtt
         self._membership = parts.membership
-        self._own = parts.own_cells
         polls = self._membership.polls
-        self._instructions = MqttSender(db, mqtt, clock, ready=self._may_publish, polls=polls)
+        self._instructions = MqttSender(db, mqtt, clock, ready=mqtt.wait_connected, polls=polls)
         self._reports = ReportSender(
             db,
             clients,
@@ -63,7 +60,6 @@ class Work:
             together={MISSION_REPORTS: MANY_MISSION_REPORTS},
             # To the registry a report is only a hint: our own index says which drones are busy.
             paces={"registry": hint_pace()},
-            ready=self._own.until_active,
             polls=polls,
         )
         self._listening = parts.listening
@@ -101,33 +97,21 @@ class Work:
         self._ground_stops = GroundStopEnforcer(db, parts.closings, clock)
         self._unknown = UnknownMissions(db, clock, mint)
         self._measured_winds = MeasuredWinds(db, clock, parts.calendars)
-        self._station_states = StationStates(db, mqtt, clock, mint, self._own)
-        self._network_versions = NetworkVersions(db, mqtt, clock, mint, self._own)
+        self._station_states = StationStates(db, mqtt, clock, mint, parts.own_cells)
+        self._network_versions = NetworkVersions(db, mqtt, clock, mint, parts.own_cells)
 
     async def greet(self) -> None:
         """After every connect: publish retained messages again, ask drones for missed events."""
         self._listening.begin()
         self._membership.set_listening(True)
         self._publish_again()
-        if not self._own.is_retired:
-            await self._handler.ask_live_drones(self._listening.owns)
+        await self._handler.ask_live_drones(self._listening.owns)
 
     def _publish_again(self) -> None:
         self._station_states.forget()
         self._network_versions.forget()
         self._membership.rest.end()
         self._parts.published.set()
-
-    async def _may_publish(self) -> None:
-        await self._own.until_active()
-        await self._mqtt.wait_connected()
-
-    async def _read_cells(self) -> bool:
-        """Read the table of cells. A server that begins to serve networks knows no drone yet."""
-        if await self._own.refresh(self._parts.db):
-            self._publish_again()
-            self._membership.gained.set()
-        return False
 
     async def _follow(self) -> bool:
         """Handle the messages of drones; the first of them has the planner loaded."""
@@ -151,8 +135,6 @@ class Work:
     def start(self, loops: Loops) -> None:
         """Start all loops."""
         self._membership.start(loops)
-        cells, polls = self._read_cells, self._own.cells.polls
-        loops.start("cells", repeat("cells", cells, every_s=READ_EVERY_S, polls=polls))
         loops.start("listening", self._notice_lost_connections())
         loops.start("gained drones", repeat("gained drones", self._gained.step, every_s=1.0))
         loops.start("instructions", self._instructions.run())
@@ -165,16 +147,14 @@ class Work:
             ("overdue", self._overdue.step, Wake(), looks),
             ("quarantine", quarantine.step, quarantine.wake, always),
         ):
-            active = self._own.while_active(step)
-            loops.start(name, repeat(name, active, every_s=_STEP_EVERY_S, wake=wake, polls=polls))
+            loops.start(name, repeat(name, step, every_s=_STEP_EVERY_S, wake=wake, polls=polls))
         # Each replica does the work it was woken for. The leader also finds work that others left.
         for name, step, wake in (
             ("recompose", self._replanner.step, self._parts.stuck),
             ("calendars", self._calendars.step, self._parts.calendars),
         ):
-            active = self._own.while_active(step)
             polls = self._membership.polls
-            loops.start(name, repeat(name, active, every_s=_STEP_EVERY_S, wake=wake, polls=polls))
+            loops.start(name, repeat(name, step, every_s=_STEP_EVERY_S, wake=wake, polls=polls))
         self._start_leading(loops)
 
     def _start_leading(self, loops: Loops) -> None:
@@ -190,17 +170,16 @@ class Work:
             ("station states", led(states.step, begin=states.forget), _STEP_EVERY_S),
             ("withdrawn drones", led(self._withdrawn.step), _ASK_REGISTRY_EVERY_S),
         ):
-            active, looks = self._own.while_active(step), self._membership.looks
-            loops.start(name, repeat(name, active, every_s=every_s, polls=looks))
+            loops.start(name, repeat(name, step, every_s=every_s, polls=self._membership.looks))
         # It does not rest, because the last flight before a rest has measured wind too.
-        measured = self._own.while_active(led(self._measured_winds.step))
+        measured = led(self._measured_winds.step)
         winds = repeat("measured wind", measured, every_s=_MEASURE_EVERY_S)
         loops.start("measured wind", winds)
         dispatch_every_s = self._parts.dispatch_terms.every_s
         if dispatch_every_s > 0:
             dispatched = repeat(
                 "dispatcher",
-                self._own.while_active(led(self._dispatcher.step)),
+                led(self._dispatcher.step),
                 every_s=dispatch_every_s,
                 wake=self._parts.dispatches,
                 polls=self._membership.looks,
@@ -210,7 +189,7 @@ class Work:
             "network versions",
             repeat(
                 "network versions",
-                self._own.while_active(led(versions.step, begin=versions.forget)),
+                led(versions.step, begin=versions.forget),
                 every_s=_STEP_EVERY_S,
                 wake=self._parts.published,
                 polls=self._membership.looks,

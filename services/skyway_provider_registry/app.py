@@ -9,8 +9,6 @@ from typing import Final, Never
 
 from fastapi import FastAPI
 
-from skyway.cells import READ_EVERY_S
-from skyway.contracts.cells import CellTable
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -28,7 +26,6 @@ from skyway.runtime.peer_secrets import read_secret
 from skyway.runtime.replicas.membership import LeaderStep, Membership
 from skyway.runtime.sql.migrations import migrate
 from skyway_provider_registry.candidates.routes import candidate_routes, service_state_routes
-from skyway_provider_registry.cells.routes import cell_routes
 from skyway_provider_registry.enrolment.routes import (
     drone_key_routes,
     drone_signature_routes,
@@ -98,7 +95,12 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
                 cloud_keys=parts.cloud_keys,
             ),
             fleet_routes(
-                db=db, gate=gate, clock=clock, stations=stations, password_file=password_file
+                db=db,
+                gate=gate,
+                clock=clock,
+                stations=stations,
+                password_file=password_file,
+                servers=parts.servers,
             ),
             all_drones_routes(db=db, gate=gate, clock=clock),
             service_state_routes(db=db, gate=gate),
@@ -113,7 +115,6 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             installation_routes(db=db, gate=gate, clock=clock),
             maintenance_routes(db=db, gate=gate, clock=clock),
             quota_routes(gate=gate, limit=parts.drone_limit),
-            cell_routes(db=db, gate=gate, changes=parts.cell_changes),
             live_routes(db=db, gate=gate, clock=clock),
             telemetry_routes(db=db, gate=gate),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
@@ -157,7 +158,6 @@ def build_app(settings: RegistrySettings) -> FastAPI:
             loops.start("listening", _notice_lost_connections(mqtt, membership))
             gained = partial(_read_gained_drones, mqtt, membership)
             loops.start("gained drones", repeat("gained drones", gained, every_s=1.0))
-            await servers.begin_with(CellTable(cells=()))
             # First of all: without its accounts the broker refuses everybody, this service too.
             await parts.password_file.refresh()
             follower = PresenceFollower(
@@ -179,8 +179,6 @@ def build_app(settings: RegistrySettings) -> FastAPI:
                 "password file",
                 repeat("password file", parts.password_file.step, every_s=_PASSWORDS_EVERY_S),
             )
-            cells = repeat("cells", servers.refresh, every_s=READ_EVERY_S, polls=membership.looks)
-            loops.start("cells", cells)
             _start_leading(loops, parts, keep_times)
             yield
 

@@ -2,7 +2,6 @@
 
 import asyncio
 import secrets
-from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
@@ -11,8 +10,7 @@ from skyway.announced_networks import NetworkLearner, stations_from
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
 from skyway.broker_setup.nats_accounts import NatsAccounts
-from skyway.cells import CellClients, Cells
-from skyway.contracts.cells import CellTable
+from skyway.cells import CellClients
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
@@ -30,8 +28,6 @@ from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile
 from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates.fleet_view import FleetView
-from skyway_provider_registry.cells import store as cell_store
-from skyway_provider_registry.cells.change_cells import CellChanges
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.enrolment.stored_keys import StoredKeys
 from skyway_provider_registry.fleets.issue_credentials import Issuer
@@ -69,18 +65,12 @@ class Parts:
     signatures: SignatureCheck
     drone_limit: DroneLimit
     servers: CellClients
-    cell_hosts: Collection[str]
     gauges: Gauges = field(default_factory=Gauges)
 
     @property
     def fleet_view(self) -> FleetView:
         """Keeps all fleets in memory for the selection of candidates."""
         return FleetView(self.db, self.networks.cached, Pace(_REFRESH_EVERY_S))
-
-    @property
-    def cell_changes(self) -> CellChanges:
-        """Changes the table of cells."""
-        return CellChanges(self.db, self.servers, self.clock, self.cell_hosts)
 
 
 def composition_client(settings: RegistrySettings) -> ServiceClient:
@@ -89,21 +79,11 @@ def composition_client(settings: RegistrySettings) -> ServiceClient:
     return ServiceClient("composition", settings.composition_url, identity)
 
 
-def composition_servers(settings: RegistrySettings, db: Database) -> CellClients:
-    """The clients of all servers of composition, by the registry's own table of cells."""
-
-    async def read() -> CellTable:
-        async with db.read() as connection:
-            return CellTable(cells=await cell_store.every(connection))
-
-    return CellClients(composition_client(settings), Cells(read))
-
-
 def parts_in_life(settings: RegistrySettings) -> Parts:
     """The parts with the files of these settings and the system's clock."""
     db, clock = Database(settings.database_url), load_clock(settings.clock_file)
     cloud_keys = CloudKeyFile(settings.secrets_dir / CLOUD_KEYS)
-    servers = composition_servers(settings, db)
+    servers = CellClients(composition_client(settings), settings.cells)
     authority = None
     if settings.drone_ca_dir is not None:
         authority = CertificateAuthority.load(settings.drone_ca_dir)
@@ -139,7 +119,6 @@ def parts_in_life(settings: RegistrySettings) -> Parts:
         ),
         drone_limit=DroneLimit(db, settings.drones_per_provider),
         servers=servers,
-        cell_hosts=settings.cell_hosts,
     )
 
 

@@ -6,15 +6,15 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 from pydantic_settings import NoDecode
 
+from skyway.cells import CellSettings
 from skyway.errors import InvalidInput
 from skyway.runtime.mqtt.address import BrokerAddress
-from skyway.runtime.settings import ServiceSettings
 
 BrokerKind = Literal["mosquitto", "nats"]
 
 
-class RegistrySettings(ServiceSettings):
-    """`ServiceSettings`, the broker's files, and how long telemetry is kept."""
+class RegistrySettings(CellSettings):
+    """`CellSettings`, the broker's files, and how long telemetry is kept."""
 
     port: int = Field(
         default=8001,
@@ -45,16 +45,6 @@ class RegistrySettings(ServiceSettings):
         description="`mqtts://HOST:PORT`: the broker's listener for drones, which each drone gets "
         "at its enrolment. For a cluster the addresses of all nodes, separated by commas.",
     )
-    cell_hosts: Annotated[
-        tuple[str, ...],
-        NoDecode,
-        Field(
-            description="Hosts of the servers that operators may name as cells, separated by "
-            "commas, such as `composition-*`. `*` stands for no dot. The services show these "
-            "servers their secrets. Without hosts, only the composition of "
-            "`SKYWAY_COMPOSITION_URL` can be a cell."
-        ),
-    ] = ()
     drones_per_provider: int = Field(
         default=20_000, ge=1, le=1_000_000, description="Drones of one provider."
     )
@@ -67,7 +57,7 @@ class RegistrySettings(ServiceSettings):
         Field(gt=0, le=3_650, description="Days of wall time for which minutes are kept."),
     ] = 30.0
 
-    @field_validator("cell_hosts", "mqtt_drone_url", mode="before")
+    @field_validator("mqtt_drone_url", mode="before")
     @classmethod
     def _part(cls, value: object) -> object:
         """The parts of a text between its commas."""

@@ -62,18 +62,6 @@ drone_models = Table(
     Column("model", Text, nullable=False),  # JSON of skyway.drone.model.DroneModel
 )
 
-#: Networks with a server of composition of their own. `generation` numbers all changes together.
-cells = Table(
-    "cells",
-    metadata,
-    Column("network_id", Text, primary_key=True),
-    Column("url", Text, nullable=False),
-    Column("state", Text, nullable=False),
-    Column("generation", BigInteger, nullable=False, unique=True),
-    Column("closed_wall_ms", BigInteger),  # null while it is open
-    CheckConstraint("state IN ('OPEN', 'CLOSED')", name="cell_state"),
-)
-
 drones = Table(
     "drones",
     metadata,

@@ -1,20 +1,17 @@
 """Verification: what must always hold in the registry's database (docs/reference/invariants.md).
 
 `RULES` are all rules: of drones and their accounts, of hints and change numbers, by which
-candidates are selected, of the table of cells, and of all else about drones (`verify_drones`).
+candidates are selected, and of all else about drones (`verify_drones`).
 `FACTS` are compared with the facts of other services.
 """
 
 from collections.abc import AsyncIterator
 from typing import Final
 
-from pydantic import TypeAdapter
 from sqlalchemy import and_, func, literal, or_, select
 
-from skyway.bounds import LATEST
 from skyway.broker_setup.nats_accounts import is_nats_hash
 from skyway.broker_setup.passwords import read_hash
-from skyway.contracts.cells import CellUrl
 from skyway.contracts.drones import DroneAlarm
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.service_facts import (
@@ -32,13 +29,11 @@ from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import replica_rule, storage_rules
 from skyway.runtime.verification.stored_forms import form_rule, read_fernet_token, read_sha256
-from skyway.units import moment_to_ms
 from skyway.verify_finders import any_of
 from skyway_provider_registry.change_store import ONLY_ROW
 from skyway_provider_registry.presence.drone_presence import Condition
 from skyway_provider_registry.tables import (
     broker_accounts,
-    cells,
     changes,
     drone_keys,
     drone_models,
@@ -56,22 +51,6 @@ from skyway_provider_registry.tables import (
     waiting_alarms,
 )
 from skyway_provider_registry.verify_drones import DRONE_RULES, is_outside
-
-_LATEST_MS: Final = moment_to_ms(LATEST)
-
-_CELLS: Final = (
-    Rule(
-        "a cell has a generation, and is closed since a possible moment or open",
-        any_of(
-            cells.c.network_id,
-            cells.c.generation < 1,
-            (cells.c.state == "CLOSED") != cells.c.closed_wall_ms.is_not(None),
-            ~cells.c.closed_wall_ms.between(0, _LATEST_MS),
-        ),
-        "Set `generation` to more than that of every other cell, and `closed_wall_ms` to NULL if "
-        "the cell is OPEN, or to now: until then the other services may read no table of cells.",
-    ),
-)
 
 _is_drone_account = broker_accounts.c.kind == "DRONE"
 
@@ -137,7 +116,6 @@ def _read_password_hash(hashed: str) -> None:
 _FORMS: Final = form_rule(
     {
         providers.c.tariff: Tariff.read,
-        cells.c.url: TypeAdapter(CellUrl).validate_python,
         drone_models.c.model: DroneModel.read,
         presence.c.condition: Condition.read,
         waiting_alarms.c.alarm: DroneAlarm.read,
@@ -242,7 +220,6 @@ RULES: Final[tuple[Rule, ...]] = (
     *_DRONES,
     *DRONE_RULES,
     *_HINTS,
-    *_CELLS,
 )
 
 
@@ -268,9 +245,6 @@ async def _providers(survey: Survey) -> AsyncIterator[AnyFacts]:
 
 
 async def _copies(survey: Survey) -> AsyncIterator[AnyFacts]:
-    async for row in survey.each(select(cells)):
-        text = f"{row.state} {row.url}"
-        yield CopyFacts(key=f"cell {row.network_id}", number=row.generation, text=text)
     async for row in survey.each(select(renewals)):
         yield CopyFacts(key=f"renewal {row.drone_id}", number=row.renewed_ms)
 

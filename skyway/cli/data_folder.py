@@ -91,7 +91,7 @@ class DataFolder:
 
     @property
     def cells_file(self) -> Path:
-        """The ports of the cells, if the system has any."""
+        """The networks of the cells, if the system has any."""
         return self.path / "cells.json"
 
     @property

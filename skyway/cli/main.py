@@ -32,7 +32,6 @@ _COMMANDS: Final = {
     "open": "closures.open:open_app",
     "top": "console:top_command",
     "schedule": "schedule:schedule_command",
-    "cell": "cell:cell_app",
     "quarantine": "quarantine:quarantine_command",
     "secrets": "system.secrets:secrets_command",
     "nats": "system.nats_files:nats_command",
@@ -69,7 +68,6 @@ _SUMMARIES: Final = {
     "top": "Show a running Skyway on one screen: drones, missions, deliveries, alarms, lag.",
     "schedule": "Draw the calendars of drones, or of a station's pads: a line for each, in fleet "
     "time.",
-    "cell": "Show, add, close and move the cells of networks.",
     "quarantine": "List the messages of drones that were not taken, the newest first; replay or "
     "delete one.",
     "secrets": "Make the missing secrets, keys.env and Mosquitto's configuration.",

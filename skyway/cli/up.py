@@ -51,14 +51,14 @@ def up_command(
         ),
     ] = False,
     cells: Annotated[
-        int,
+        list[str] | None,
         typer.Option(
-            min=0,
-            max=50,
-            help="Servers of composition for regions of their own. A data folder keeps its cells: "
-            "later starts need no option.",
+            "--cell",
+            metavar="NETWORK",
+            help="A network that gets a composition and a database of its own; once for each "
+            "network. A data folder keeps its cells: later starts need no option.",
         ),
-    ] = 0,
+    ] = None,
 ) -> None:
     """Start all processes and keep them running until Ctrl-C."""
     from skyway.cli.system.children import Ports
@@ -67,10 +67,12 @@ def up_command(
     keep_kernels(folder)
     ports = Ports(gateway=port, broker=mqtt_port)
     chosen_rate = rate or (_DEMO_RATE if demo else _RATE)
-    asyncio.run(_up(folder, rate=chosen_rate, ports=ports, demo=demo, cells=cells))
+    asyncio.run(_up(folder, rate=chosen_rate, ports=ports, demo=demo, cells=cells or []))
 
 
-async def _up(folder: DataFolder, *, rate: float, ports: "Ports", demo: bool, cells: int) -> None:
+async def _up(
+    folder: DataFolder, *, rate: float, ports: "Ports", demo: bool, cells: list[str]
+) -> None:
     from rich.console import Console
 
     from skyway.cli.system.announce import LastingOutput, asked_to_stop
@@ -84,7 +86,13 @@ async def _up(folder: DataFolder, *, rate: float, ports: "Ports", demo: bool, ce
 
 
 async def _run(
-    console: "Console", folder: DataFolder, *, rate: float, ports: "Ports", demo: bool, cells: int
+    console: "Console",
+    folder: DataFolder,
+    *,
+    rate: float,
+    ports: "Ports",
+    demo: bool,
+    cells: list[str],
 ) -> None:
     from skyway.cli.system.announce import announce, login_link
     from skyway.cli.system.running_system import running_system

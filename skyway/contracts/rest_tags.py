@@ -12,7 +12,6 @@ TAGS: Final[Mapping[str, str]] = {
     "drones": "Providers register their drones, change them and read what they measured.",
     "drone-models": "The types of drones, with mass, battery, speed and power.",
     "enrolment": "Drones exchange a one-time token for their own credentials.",
-    "cells": "Which server of composition serves which network.",
     "networks": "Operators publish skyway networks; everybody reads stations and segments.",
     "pads": "Who holds which recharging pad, and until when.",
     "compositions": "Plans for one drone and its packages, made without any side effect.",

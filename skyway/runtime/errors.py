@@ -238,7 +238,7 @@ class RowRefused(SkywayError):
 class ServiceUnavailable(SkywayError):
     """Another service, or the database, does not answer now; asking later may help.
 
-    `code` names the reason for programs, where there is one: ``CELL_SEALED``.
+    `code` names the reason for programs, where there is one: ``OVERLOADED``.
     """
 
     exit_code = ExitCode.NOT_NOW

@@ -109,7 +109,6 @@ CASES: Final[Mapping[str, Values]] = {
                 "secret": "north-secrets",
             },
         ],
-        "registry": {"settings": {"SKYWAY_CELL_HOSTS": "composition-*"}},
         "monitoring": {"serviceMonitor": {"enabled": True}},
     },
     "page": _of_page(),
@@ -142,6 +141,7 @@ WRONG: Final[Mapping[str, Values]] = {
     },
     "/agents/drones: maximum": {"agents": {"drones": 5_001}},
     "/secrets/gateway: A secret does not match": {"secrets": {"gateway": "A secret"}},
+    "SKYWAY_CELLS not allowed": {"gateway": {"settings": {"SKYWAY_CELLS": "ohio=http://ohio"}}},
     "SKYWAY_CELL_URL not allowed": {
         "composition": {"settings": {"SKYWAY_CELL_URL": "http://composition"}}
     },

@@ -116,7 +116,6 @@ def test_each_cell_is_a_composition_with_its_own_database_and_address(outcomes: 
     found = outcomes["cells"]
     running = found.running()
     given = {name: environment(pod.spec["containers"][0]) for name, pod in running.items()}
-    added = found.one("Job", "-add-cells")["spec"]["template"]["spec"]["containers"]
 
     assert given["cell-texas"]["SKYWAY_DATABASE_URL"] == (
         "postgresql://skyway_composition@postgres:5432/skyway_cell_texas?connections=8"
@@ -128,14 +127,16 @@ def test_each_cell_is_a_composition_with_its_own_database_and_address(outcomes: 
     for name in ("composition", "cell-texas", "cell-north"):
         assert given[name]["SKYWAY_CELL_URL"] == f"http://skyway-{name}:8002"
         assert given[name]["SKYWAY_COMPOSITION_URL"] == "http://skyway-composition:8002"
-    assert given["registry"]["SKYWAY_CELL_HOSTS"] == (
-        "skyway-cell-texas,skyway-cell-north,composition-*"
-    )
-    assert [each["command"][3:] for each in added] == [
-        ["texas-corridor", "--url=http://skyway-cell-texas:8002"],
-        ["north-1", "--url=http://skyway-cell-north:8002"],
-        ["north-2", "--url=http://skyway-cell-north:8002"],
-    ]
+    assert {each["SKYWAY_CELLS"] for each in given.values()} == {
+        ",".join(
+            f"{network}=http://skyway-cell-{cell}:8002"
+            for network, cell in (
+                ("texas-corridor", "texas"),
+                ("north-1", "north"),
+                ("north-2", "north"),
+            )
+        )
+    }
     # Each has its own database, so each has a job that migrates the database.
     migrated = {
         environment(container)["SKYWAY_DATABASE_URL"]
@@ -188,7 +189,7 @@ def test_each_pod_mounts_only_its_own_secrets(found: Documents) -> None:
             assert mounted == {expected: ["pgpass"] if is_job else None}
         elif pod.component == "migrate":
             assert mounted == {f"skyway-{service}-secrets": ["pgpass"]}
-        elif pod.component in ("agents", "add-cells"):
+        elif pod.component == "agents":
             assert mounted == {"skyway-commands": ["keys.env"]}
         else:
             others = {"skyway-drone-ca", "skyway-broker-tls"} if service == "registry" else set()

@@ -20,7 +20,7 @@ from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
 from skyway_composition.missions.timeouts import LateMissions, OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.own_cells import OwnCells, OwnDrones
+from skyway_composition.own_cells import OwnCells
 from skyway_composition.parts import Parts
 from skyway_composition.planning.no_shows import NoShows
 from skyway_composition.planning.routes import StrategyRights
@@ -30,9 +30,7 @@ from skyway_composition.tables import outbox
 from skyway_composition.verify.rules import RULES
 from sqlalchemy import select, text
 
-from skyway.cells import Cells
 from skyway.contracts.candidate import Candidate
-from skyway.contracts.cells import CellTable
 from skyway.contracts.drones import NetworkDrones
 from skyway.contracts.instruction import Instruction
 from skyway.contracts.mission import Booking, BookMissions
@@ -273,11 +271,6 @@ async def db(migrated_url: str) -> AsyncIterator[Database]:
         yield opened
 
 
-async def no_cells() -> CellTable:
-    """An empty table of cells."""
-    return CellTable(cells=())
-
-
 async def no_drones(_network_id: NetworkId) -> NetworkDrones:
     """A registry without drones."""
     return NetworkDrones(models=(), unplaced=0)
@@ -297,9 +290,11 @@ async def unpublished(
         SolverPool(threads=2, time_limit_s=600.0) as inquiries,
         SolverPool(threads=2, time_limit_s=600.0) as problems,
     ):
-        quarantine = Quarantine(db, clock=clock, mint=mint, listening=listening)
+        own_cells = OwnCells({}, "http://ours", "http://ours")
+        quarantine = Quarantine(
+            db, clock=clock, mint=mint, listening=listening, is_foreign=own_cells.is_foreign
+        )
         keys = unsigned_book(clock)
-        own_cells = OwnCells(Cells(no_cells), None, is_default=True)
         parts = Parts(
             db=db,
             membership=membership,
@@ -307,7 +302,7 @@ async def unpublished(
             metrics_gate=MetricsGate(secrets_dir),
             clock=clock,
             mint=mint,
-            networks=PreparedNetworks(db, clock),
+            networks=PreparedNetworks(db, clock, own_cells),
             solver=solver,
             inquiries=inquiries,
             problems=problems,
@@ -318,7 +313,7 @@ async def unpublished(
             listening=listening,
             quarantine=quarantine,
             keys=keys,
-            signatures=SignatureCheck(keys, OwnDrones(quarantine, own_cells)),
+            signatures=SignatureCheck(keys, quarantine),
             no_shows=NoShows(db, clock),
             own_cells=own_cells,
             count_drones=no_drones,

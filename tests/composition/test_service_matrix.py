@@ -14,7 +14,6 @@ OF_REGISTRY = {
     "/internal/networks/1/stations",
     "/internal/renewed-credentials",
     "/internal/drone-alarms",
-    "/internal/cell-work",
 }
 
 

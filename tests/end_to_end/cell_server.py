@@ -1,6 +1,5 @@
 """A second server of composition beside a running system, as the cell of some networks."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -45,7 +44,7 @@ class CellServer:
         with (folder.path / f"{self.name}.log").open("ab") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "skyway_composition"],
-                env={**os.environ, **settings},
+                env={**self.system.environment, **settings},
                 stdout=log,
                 stderr=log,
             )

@@ -45,13 +45,16 @@ class LocalSystem:
     fleets: list[subprocess.Popen[bytes]] = field(default_factory=list)
     #: Fleet seconds per wall second.
     rate: float = 900.0
+    #: The bytes of the log of `skyway up` that earlier starts have written.
+    said_before: int = 0
 
     eventually = staticmethod(eventually)
 
-    def start(self) -> None:
+    def start(self, *, port: int = 0, mqtt_port: int = 0) -> None:
         log = (self.folder.path / "up.log").open("ab")
+        self.said_before = log.tell()
         command = (*SKYWAY, "up", "--data", self.folder.path, "--rate", self.rate)
-        ports = () if self.up else ("--port", "0", "--mqtt-port", "0")
+        ports = ("--port", port, "--mqtt-port", mqtt_port)
         self.up = subprocess.Popen(
             [str(part) for part in (*command, *ports)],
             stdout=log,
@@ -62,7 +65,7 @@ class LocalSystem:
         eventually(self._is_up, "skyway up", instead=(self.folder.path / "up.log").read_text)
 
     def _is_up(self) -> bool:
-        text = (self.folder.path / "up.log").read_text()
+        text = (self.folder.path / "up.log").read_bytes()[self.said_before :].decode()
         assert self.up is not None
         assert self.up.poll() is None, text
         return "Skyway is up" in text
@@ -71,6 +74,30 @@ class LocalSystem:
         self.stop_fleets()
         if self.up is not None:
             _end(self.up)
+
+    def restart(self, *, port: int, mqtt_port: int, **environment: str) -> None:
+        """Start again with these variables; the drones fly on meanwhile."""
+        if self.up is not None:
+            _end(self.up)
+        self.environment |= environment
+        self.start(port=port, mqtt_port=mqtt_port)
+
+    def refusal_to_start(self, *, port: int, mqtt_port: int, **environment: str) -> str:
+        """What `skyway up` says when it cannot start with these variables."""
+        if self.up is not None:
+            _end(self.up)
+        ports = ("--port", str(port), "--mqtt-port", str(mqtt_port))
+        command = (*SKYWAY, "up", "--data", str(self.folder.path), "--rate", str(self.rate))
+        ended = subprocess.run(
+            (*command, *ports),
+            env=self.environment | environment,
+            capture_output=True,
+            text=True,
+            timeout=LONGEST_WAIT_S,
+            check=False,
+        )
+        assert ended.returncode != 0, ended.stdout
+        return ended.stdout + ended.stderr
 
     def stop_fleets(self) -> None:
         for process in self.fleets:

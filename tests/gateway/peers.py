@@ -16,7 +16,6 @@ from skyway.contracts.candidate import (
     PayloadLimitQuery,
     ProviderReason,
 )
-from skyway.contracts.cells import CellTable, NetworkCell
 from skyway.contracts.drones import DroneKeyAnswer, DroneKeyQuery, DroneQuota
 from skyway.contracts.forgotten_deliveries import FORGOTTEN_PATH, ForgetDeliveries
 from skyway.contracts.mission import (
@@ -78,10 +77,6 @@ class FakeRegistry:
     lists: list[CandidateQueries] = field(default_factory=list)
     accounts: dict[str, str] = field(default_factory=dict)
     drone_keys: dict[str, str] = field(default_factory=dict)
-    cells: list[NetworkCell] = field(default_factory=list)
-
-    async def cell_table(self) -> CellTable:
-        return CellTable(cells=tuple(self.cells))
 
     async def candidates(self, query: CandidateQuery) -> Candidates:
         self._answer()
@@ -210,7 +205,6 @@ class Peers:
                 "registry GET /internal/providers/(.*)/drone-quota",
                 lambda _, provider_id: registry.drone_quota(provider_id),
             ),
-            ("registry GET /internal/cells()", lambda _request, _: registry.cell_table()),
             (f"registry DELETE {account}", lambda _, name: registry.close_account(name)),
             (
                 f"registry PUT {operator}",

@@ -3,7 +3,7 @@
 import json
 from base64 import b64encode
 from collections.abc import AsyncIterator, Mapping
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from ipaddress import ip_network
@@ -36,6 +36,7 @@ from skyway.contracts.mission_reports import (
 )
 from skyway.ids import DeliveryId, KeyId, SubjectId
 from skyway.runtime.clock import AnchoredClock, ManualClock
+from skyway.runtime.errors import RowRefused
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceIdentity
 from tests.broken_rules import broken_rules
@@ -250,10 +251,12 @@ def make_request(
 
 
 @asynccontextmanager
-async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gateway]:
-    """A gateway that is open, but whose loops do not run."""
+async def opened_gateway(
+    database_url: str, folder: Path, **settings_given: Any
+) -> AsyncIterator[Gateway]:
+    """A gateway that is open, but whose loops do not run. Any: each setting has its own type."""
     secrets_dir = folder / "secrets"
-    secrets_dir.mkdir()
+    secrets_dir.mkdir(exist_ok=True)
     for name in SECRETS:
         (secrets_dir / name).write_text(f"{name}-0123456789abcdef\n")
     (secrets_dir / "tracking_key").write_text("a key of tracking links\n")
@@ -264,6 +267,7 @@ async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gatew
         secrets_dir=secrets_dir,
         webhook_allow_networks=(ip_network("127.0.0.0/8"),),
         public_url=AnyHttpUrl("http://gateway"),
+        **settings_given,
     )
     clock = ManualClock(START)
     around = Peers(FakeRegistry(), FakeComposition(clock))
@@ -279,8 +283,8 @@ async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gatew
     async with AsyncExitStack() as opened:
         await opened.enter_async_context(parts.db)
         await take_over(parts)
-        for client in clients.values():
-            await opened.enter_async_context(client)
+        await opened.enter_async_context(clients["registry"])
+        await opened.enter_async_context(parts.servers)
         await opened.enter_async_context(parts.post)
         transport = httpx.ASGITransport(shared_app(gateway_app, parts))
         http = httpx.AsyncClient(transport=transport, base_url="http://gateway")
@@ -334,16 +338,19 @@ _MADE_BY_HAND: Final = frozenset(f"key_{name}" for name in _CALLERS)
 
 
 async def _make_callers(gateway: Gateway) -> None:
-    async with gateway.parts.db.write() as tx:
-        for name, (role, subject_id) in _CALLERS.items():
-            key = ApiKey(
-                key_id=KeyId(f"key_{name}"),
-                role=role,
-                subject_id=SubjectId(subject_id),
-                created_at=START,
-            )
-            secret = f"sk_{name}"
-            await add_key(tx, key, key_hash=secret_hash(secret), is_account_open=True)
-            setattr(gateway, name, {"Authorization": f"Bearer {secret}"})
+    for name in _CALLERS:
+        setattr(gateway, name, {"Authorization": f"Bearer sk_{name}"})
+    # An earlier gateway on the same database has made them already.
+    with suppress(RowRefused):
+        async with gateway.parts.db.write() as tx:
+            for name, (role, subject_id) in _CALLERS.items():
+                key = ApiKey(
+                    key_id=KeyId(f"key_{name}"),
+                    role=role,
+                    subject_id=SubjectId(subject_id),
+                    created_at=START,
+                )
+                secret = secret_hash(f"sk_{name}")
+                await add_key(tx, key, key_hash=secret, is_account_open=True)
     gateway.registry.drone_keys[secret_hash("dk_drone")] = "drn_1"
     gateway.drone = {"Authorization": "Bearer dk_drone"}

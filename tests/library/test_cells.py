@@ -1,6 +1,7 @@
-"""The cached table of cells decides to which server each call goes."""
+"""The setting of cells decides to which server each call goes."""
 
-from collections.abc import AsyncIterator
+import re
+from collections.abc import AsyncIterator, Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -8,19 +9,20 @@ import httpx
 import pytest
 
 from skyway.announced_networks import check_stations
-from skyway.cells import CellClients, Cells, ask_all
-from skyway.contracts.cells import CELL_HEADER, CellTable, NetworkCell
+from skyway.cells import NETWORK_HEADER, CellClients, CellSettings, ask_all
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.json_model import WireModel
-from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
+from skyway.runtime.errors import InvalidSettings, RemoteProblem, ServiceUnavailable
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceIdentity
 
 NORTH, SOUTH = NetworkId("north"), NetworkId("south")
 #: The stations of each server; `composition` is the server of all networks without a cell.
 STATIONS = {"north": "n-s1", "composition": "s-s1"}
+
+Clients = Callable[..., CellClients]
 
 
 class Host(WireModel):
@@ -30,25 +32,11 @@ class Host(WireModel):
 
 @dataclass
 class Servers:
-    """Servers of composition by their hosts, and the table that names them."""
+    """Servers of composition by their hosts."""
 
-    cells: list[NetworkCell] = field(default_factory=list)
     away: set[str] = field(default_factory=set)
     misdirected: set[str] = field(default_factory=set)
     empty: set[str] = field(default_factory=set)
-    is_unreadable: bool = False
-    cannot_keep: bool = False
-    kept: list[CellTable] = field(default_factory=list)
-
-    async def keep(self, table: CellTable) -> None:
-        if self.cannot_keep:
-            raise ServiceUnavailable("database", "away")
-        self.kept.append(table)
-
-    async def table(self) -> CellTable:
-        if self.is_unreadable:
-            raise ServiceUnavailable("registry", "away")
-        return CellTable(cells=tuple(self.cells))
 
     def answer(self, request: httpx.Request) -> httpx.Response:
         host = request.url.host
@@ -58,7 +46,7 @@ class Servers:
             return httpx.Response(421)
         if request.url.path == "/internal/station-checks":
             return self._checked(host, StationCheckQuery.read(request.content))
-        said = Host(host=host, header=request.headers.get(CELL_HEADER))
+        said = Host(host=host, header=request.headers.get(NETWORK_HEADER))
         return httpx.Response(200, content=said.model_dump_json())
 
     def _checked(self, host: str, query: StationCheckQuery) -> httpx.Response:
@@ -75,24 +63,14 @@ class Servers:
         return httpx.Response(200, content=check.model_dump_json())
 
 
-def cell(
-    network_id: NetworkId, host: str, *, generation: int = 1, is_open: bool = True
-) -> NetworkCell:
-    return NetworkCell(
-        network_id=network_id,
-        url=f"http://{host}",
-        state="OPEN" if is_open else "CLOSED",
-        generation=generation,
-    )
-
-
 @pytest.fixture
 def around() -> Servers:
     return Servers()
 
 
 @pytest.fixture
-async def clients(around: Servers, tmp_path: Path) -> AsyncIterator[CellClients]:
+def clients_for(around: Servers, tmp_path: Path) -> Clients:
+    """Makes the clients of the default server and of these cells, given by their hosts."""
     (tmp_path / "service_gateway").write_text("a secret of the gateway\n")
     default = ServiceClient(
         "composition",
@@ -100,89 +78,61 @@ async def clients(around: Servers, tmp_path: Path) -> AsyncIterator[CellClients]
         ServiceIdentity("gateway", tmp_path),
         transport=httpx.MockTransport(around.answer),
     )
-    async with CellClients(default, Cells(around.table, keep=around.keep)) as opened:
+
+    def make(*, closed: Collection[NetworkId] = (), **hosts: str) -> CellClients:
+        cells = {NetworkId(name): f"http://{host}" for name, host in hosts.items()}
+        return CellClients(default, cells, closed)
+
+    return make
+
+
+@pytest.fixture
+async def clients(clients_for: Clients) -> AsyncIterator[CellClients]:
+    """The clients with a cell for the network north."""
+    async with clients_for(north="north") as opened:
         yield opened
 
 
 async def who(client: ServiceClient) -> tuple[str, str | None]:
-    """Which server answers, and what the request said in `CELL_HEADER`."""
+    """Which server answers, and what the request said in `NETWORK_HEADER`."""
     said = await client.call("GET", "/", answer=Host)
     return said.host, said.header
 
 
-async def test_without_cells_everything_goes_to_the_default_server(clients: CellClients) -> None:
-    await clients.refresh()
+async def test_without_cells_everything_goes_to_the_default_server(clients_for: Clients) -> None:
+    async with clients_for() as clients:
+        assert await who(clients.of(NORTH)) == ("composition", None)
+        assert await who(clients.of(None)) == ("composition", None)
+        assert list(clients.every()) == ["composition"]
 
-    assert await who(clients.of(NORTH)) == ("composition", None)
-    assert await who(clients.of(None)) == ("composition", None)
-    assert list(clients.every()) == ["composition"]
 
-
-async def test_a_request_goes_to_the_cell_of_its_network_and_names_its_generation(
-    clients: CellClients, around: Servers
+async def test_a_request_goes_to_the_cell_of_its_network_and_names_the_network(
+    clients: CellClients,
 ) -> None:
-    around.cells = [cell(NORTH, "north", generation=3)]
-    await clients.refresh()
-
-    assert await who(clients.of(NORTH)) == ("north", "north;3")
-    assert await who(clients.of(SOUTH)) == ("composition", None)
+    assert await who(clients.of(NORTH)) == ("north", "north")
+    assert await who(clients.of(SOUTH)) == ("composition", "south")
     assert list(clients.every()) == ["composition", "the cell north"]
 
 
-async def test_a_kept_table_is_used_until_the_table_can_be_read(
-    clients: CellClients, around: Servers
+async def test_networks_of_one_server_are_asked_once(clients_for: Clients) -> None:
+    async with clients_for(north="one", south="one", west="composition") as clients:
+        assert list(clients.every()) == ["composition", "the cell north, south"]
+
+
+async def test_a_closed_network_gets_no_new_requests_and_still_answers_others(
+    clients_for: Clients,
 ) -> None:
-    kept = CellTable(cells=(cell(NORTH, "north"),))
-    around.is_unreadable = True
-    await clients.begin_with(kept)
-    first = await who(clients.of(NORTH))
-    around.is_unreadable = False
-    around.cells = [cell(NORTH, "elsewhere", generation=2)]
-    await clients.refresh()
-
-    assert first == ("north", "north;1")
-    assert await who(clients.of(NORTH)) == ("elsewhere", "north;2")
-    assert around.kept == [CellTable(cells=tuple(around.cells))]
-
-
-async def test_a_table_that_could_not_be_kept_is_kept_later(
-    clients: CellClients, around: Servers
-) -> None:
-    around.cells = [cell(NORTH, "north")]
-    around.cannot_keep = True
-    with pytest.raises(ServiceUnavailable):
-        await clients.refresh()
-    assert await who(clients.of(NORTH)) == ("north", "north;1")
-    around.cannot_keep = False
-    await clients.refresh()
-
-    assert around.kept == [CellTable(cells=tuple(around.cells))]
-
-
-async def test_networks_of_one_server_are_asked_once(clients: CellClients, around: Servers) -> None:
-    around.cells = [cell(NORTH, "one"), cell(SOUTH, "one", generation=2)]
-    await clients.refresh()
-
-    assert list(clients.every()) == ["composition", "the cell north, south"]
-
-
-async def test_a_closed_cell_gets_no_new_requests_and_still_answers_others(
-    clients: CellClients, around: Servers
-) -> None:
-    around.cells = [cell(NORTH, "north", is_open=False)]
-    await clients.refresh()
-
-    with pytest.raises(ServiceUnavailable, match="the cell north is unavailable: it is closed"):
-        clients.open_for(NORTH)
-    assert await who(clients.of(NORTH)) == ("north", "north;1")
+    async with clients_for(north="north", closed={NORTH}) as clients:
+        with pytest.raises(ServiceUnavailable, match="the network north is unavailable: it is cl"):
+            clients.open_for(NORTH)
+        assert await who(clients.of(NORTH)) == ("north", "north")
+        assert await who(clients.open_for(SOUTH)) == ("composition", "south")
 
 
 async def test_a_server_that_no_longer_serves_a_network_is_unavailable(
     clients: CellClients, around: Servers
 ) -> None:
-    around.cells = [cell(NORTH, "north")]
     around.misdirected = {"north"}
-    await clients.refresh()
 
     with pytest.raises(ServiceUnavailable, match="the cell north is unavailable: another server"):
         await who(clients.of(NORTH))
@@ -191,9 +141,7 @@ async def test_a_server_that_no_longer_serves_a_network_is_unavailable(
 async def test_a_silent_cell_is_named_and_does_not_silence_the_others(
     clients: CellClients, around: Servers
 ) -> None:
-    around.cells = [cell(NORTH, "north")]
     around.away = {"north"}
-    await clients.refresh()
 
     answers = await ask_all(clients.every(), who)
 
@@ -206,8 +154,6 @@ async def test_a_silent_cell_is_named_and_does_not_silence_the_others(
 async def test_stations_of_two_servers_are_found_and_do_not_reach_each_other(
     clients: CellClients, around: Servers
 ) -> None:
-    around.cells = [cell(NORTH, "north")]
-    await clients.refresh()
     ids = tuple(map(StationId, ("n-s1", "s-s1", "nowhere")))
 
     found = await check_stations(
@@ -222,9 +168,7 @@ async def test_stations_of_two_servers_are_found_and_do_not_reach_each_other(
 async def test_a_lookup_fails_if_only_a_silent_server_may_know_the_station(
     clients: CellClients, around: Servers
 ) -> None:
-    around.cells = [cell(NORTH, "north")]
     around.away = {"north"}
-    await clients.refresh()
 
     found = await check_stations(clients, StationCheckQuery(station_ids=(StationId("s-s1"),)))
 
@@ -236,8 +180,6 @@ async def test_a_lookup_fails_if_only_a_silent_server_may_know_the_station(
 async def test_no_network_is_published_when_every_server_says_so(
     clients: CellClients, around: Servers
 ) -> None:
-    around.cells = [cell(NORTH, "north")]
-    await clients.refresh()
     query = StationCheckQuery(station_ids=(StationId("n-s1"),))
 
     around.empty = {"composition"}
@@ -247,26 +189,33 @@ async def test_no_network_is_published_when_every_server_says_so(
         await check_stations(clients, query)
 
 
-async def test_a_table_that_stays_is_kept_once(around: Servers, clients: CellClients) -> None:
-    around.cells = [cell(NORTH, "north")]
+def cells_of_environment(monkeypatch: pytest.MonkeyPatch, text: str) -> Mapping[NetworkId, str]:
+    """The cells of a service with this variable."""
+    given = {"DATABASE_URL": "sqlite:///a.db", "MQTT_URL": "mqtt://a", "SECRETS_DIR": "/s"}
+    for name, value in (given | {"CELLS": text}).items():
+        monkeypatch.setenv(f"SKYWAY_{name}", value)
+    return CellSettings.load().cells
 
-    for _ in range(3):
-        await clients.refresh()
 
-    assert len(around.kept) == 1
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("texas", "texas must look like texas=http://composition-texas:8002"),
+        ("texas=composition:8002", "texas=composition:8002 must look like"),
+        ("texas=http://a:8002/", "texas=http://a:8002/ must look like"),
+        ("two words=http://a:8002", "two words=http://a:8002 must look like"),
+        ("texas=http://user:word@a:8002", "must look like"),
+        ("texas=http://a, ohio=http://b,texas=http://b", "two addresses: http://a and http://b"),
+    ],
+)
+def test_a_wrong_or_contradictory_cell_is_named(
+    monkeypatch: pytest.MonkeyPatch, text: str, fault: str
+) -> None:
+    with pytest.raises(InvalidSettings, match=f"SKYWAY_CELLS: .*{re.escape(fault)}"):
+        cells_of_environment(monkeypatch, text)
 
 
-async def test_a_table_is_as_old_as_the_question_for_it(around: Servers) -> None:
-    """Its answer may have taken seconds, and cells may have changed meanwhile."""
-    now_s = 0.0
+def test_cells_are_networks_with_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
+    cells = cells_of_environment(monkeypatch, "texas=http://a:8002/c , ohio=https://b,")
 
-    async def slow_table() -> CellTable:
-        nonlocal now_s
-        now_s += 5.0
-        return await around.table()
-
-    cells = Cells(slow_table, now=lambda: now_s)
-    before = cells.age_s
-    await cells.refresh()
-
-    assert (before, cells.age_s) == (None, 5.0)
+    assert cells == {"texas": "http://a:8002/c", "ohio": "https://b"}

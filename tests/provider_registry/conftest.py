@@ -9,7 +9,6 @@ from typing import Any, Literal
 import httpx
 import pytest
 from skyway_provider_registry.app import registry_app
-from skyway_provider_registry.cells.store import every
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets.issue_credentials import Issuer
 from skyway_provider_registry.fleets.quota_store import DroneLimit
@@ -19,8 +18,7 @@ from skyway_provider_registry.tables import replicas
 
 from skyway.announced_networks import NetworkLearner
 from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
-from skyway.cells import CellClients, Cells
-from skyway.contracts.cells import CellTable, CellWork
+from skyway.cells import CellClients
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
 from skyway.contracts.station_check import NetworkStations, StationCheck
 from skyway.geo import Position
@@ -166,40 +164,14 @@ def password_file(db: Database, secrets_dir: Path, tmp_path: Path) -> PasswordFi
     )
 
 
-@dataclass
-class Server:
-    """A server of composition, as the registry asks it before it changes the table of cells."""
-
-    work: CellWork | None = None
-    #: Whether the server knows no cells.
-    is_unknown: bool = False
-    asked: int = 0
-
-    def answer(self, _request: httpx.Request) -> httpx.Response:
-        self.asked += 1
-        if self.work is None:
-            raise httpx.ConnectError("no such server")
-        if self.is_unknown:
-            return httpx.Response(404, json={"title": "Not found", "status": 404})
-        return httpx.Response(200, content=self.work.model_dump_json())
-
-
 @pytest.fixture
-def compositions() -> dict[str, Server]:
-    """The servers of composition, by their hosts; `composition` serves what has no cell."""
-    return {"composition": Server(), "north": Server(), "south": Server()}
-
-
-@pytest.fixture
-async def servers(
-    db: Database, secrets_dir: Path, compositions: dict[str, Server]
-) -> AsyncIterator[CellClients]:
-    async def read() -> CellTable:
-        async with db.read() as connection:
-            return CellTable(cells=await every(connection))
+async def servers(secrets_dir: Path) -> AsyncIterator[CellClients]:
+    """The servers of composition: that of texas is away, and that of ohio takes everything."""
 
     def answer(request: httpx.Request) -> httpx.Response:
-        return compositions[request.url.host].answer(request)
+        if request.url.host == "north":
+            raise httpx.ConnectError("no such server")
+        return httpx.Response(204)
 
     default = ServiceClient(
         "composition",
@@ -207,7 +179,8 @@ async def servers(
         ServiceIdentity("registry", secrets_dir),
         transport=httpx.MockTransport(answer),
     )
-    async with CellClients(default, Cells(read)) as opened:
+    cells = {NetworkId("texas"): "http://north", NetworkId("ohio"): "http://south"}
+    async with CellClients(default, cells) as opened:
         yield opened
 
 
@@ -241,7 +214,6 @@ async def api(
         signatures=SignatureCheck(unsigned_book(clock), NoQuarantine()),
         drone_limit=DroneLimit(db, 1_800),
         servers=servers,
-        cell_hosts=("north", "so*"),
     )
 
     async with httpx.AsyncClient(

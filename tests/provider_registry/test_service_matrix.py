@@ -14,7 +14,6 @@ OF_COMPOSITION = {
     "/internal/mission-reports/many",
     "/internal/drones-out-of-service",
     "/internal/drone-signatures",
-    "/internal/cells",
     "/internal/networks/1/drones",
 }
 

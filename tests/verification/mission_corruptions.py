@@ -33,11 +33,6 @@ _MISSIONS: Final = (
         " WHERE mission_id = :completed_mission",
     ),
     Corruption(
-        "a database that is marked as sealed and accepts changes",
-        "a sealed database refuses changes in each table",
-        composition="INSERT INTO seals (kind, seal_id, made_wall_ms) VALUES ('SEALED', 's', 1)",
-    ),
-    Corruption(
         "the steps of a mission deleted",
         "I4 a mission has steps",
         composition="DELETE FROM mission_steps WHERE mission_id = :flying_mission",

@@ -11,7 +11,6 @@ _PROMISE: Final = "a package has the promise that its customer was notified of"
 _WALL: Final = "what is stored as past is past, by wall time"
 _FLEET: Final = "what is stored as past is past, by fleet time"
 _NETWORK: Final = "the gateway knows no later version of a network, and no other stations"
-_CELL: Final = "the gateway knows the cells as the registry has them"
 _HOLD: Final = "a hold is of the customer whose offers it keeps"
 _PLANNED_WITH: Final = "composition plans with the promise that the gateway made"
 _RENEWED: Final = "composition counts no later renewal of a drone's credentials than the registry"
@@ -229,27 +228,6 @@ _SHARED: Final = (
         "a known station moved",
         _NETWORK,
         gateway="UPDATE known_networks SET stations = replace(stations, '-97.64', '-97.65')",
-    ),
-    Corruption(
-        "a known cell with another address",
-        _CELL,
-        gateway="INSERT INTO known_cells VALUES (1, json_object('schema_version', 1, 'cells',"
-        " json_array(json_object('network_id', 'texas', 'url', 'http://evil', 'state', 'OPEN',"
-        " 'generation', 1))))",
-        registry="INSERT INTO cells VALUES ('texas', 'http://texas', 'OPEN', 1, NULL)",
-    ),
-    Corruption(
-        "a known cell of a later generation",
-        _CELL,
-        gateway="INSERT INTO known_cells VALUES (1, json_object('schema_version', 1, 'cells',"
-        " json_array(json_object('network_id', 'texas', 'url', 'http://texas', 'state', 'OPEN',"
-        " 'generation', 2))))",
-        registry="INSERT INTO cells VALUES ('texas', 'http://texas', 'OPEN', 1, NULL)",
-    ),
-    Corruption(
-        "a cell closed next year",
-        _WALL,
-        registry="INSERT INTO cells VALUES ('texas', 'http://texas', 'CLOSED', 1, 1900000000000)",
     ),
     Corruption(
         "a renewal that the registry has not noted",

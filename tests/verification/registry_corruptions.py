@@ -285,21 +285,6 @@ _ACROSS: Final = (
     ),
 )
 
-_POSSIBLE_CELL: Final = "a cell has a generation, and is closed since a possible moment or open"
-
-_CELLS: Final = (
-    Corruption(
-        "a cell closed since before 1970",
-        _POSSIBLE_CELL,
-        registry="INSERT INTO cells VALUES ('texas', 'http://texas', 'CLOSED', 1, -1)",
-    ),
-    Corruption(
-        "a closed cell that does not say since when",
-        _POSSIBLE_CELL,
-        registry="INSERT INTO cells VALUES ('texas', 'http://texas', 'CLOSED', 1, NULL)",
-    ),
-)
-
 _RENEWALS: Final = (
     Corruption(
         "credentials renewed in the year 300,000",
@@ -380,4 +365,4 @@ _BATTERIES: Final = (
     ),
 )
 
-REGISTRY_CORRUPTIONS: Final = (*_REGISTRY, *_CELLS, *_RENEWALS, *_LEARNED, *_BATTERIES, *_ACROSS)
+REGISTRY_CORRUPTIONS: Final = (*_REGISTRY, *_RENEWALS, *_LEARNED, *_BATTERIES, *_ACROSS)

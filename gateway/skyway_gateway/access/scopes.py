@@ -125,12 +125,10 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
     "network:read": (
         "GET /v1/networks",
         "GET /v1/networks/{network_id}",
-        "GET /v1/networks/{network_id}/segments",
         "GET /v1/networks/{network_id}/stations",
         "GET /v1/networks/{network_id}/status",
         "GET /v1/networks/{network_id}/versions",
         "GET /v1/networks/{network_id}/weather",
-        "GET /v1/networks/{network_id}/zones",
         "GET /v1/stations/{station_id}/pads",
         "GET /v1/stations/{station_id}/reservations",
         "GET /v1/stations/{station_id}/schedule",
@@ -147,14 +145,10 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
     ),
     "operations:read": (
         "GET /v1/alarms",
-        "GET /v1/cells",
         "GET /v1/quarantine",
         "GET /v1/system",
     ),
     "operations:write": (
-        "PUT /v1/cells/{network_id}",
-        "PATCH /v1/cells/{network_id}",
-        "POST /v1/cells/{network_id}/moves",
         "POST /v1/alarms/{alarm_id}/acknowledgements",
         "POST /v1/quarantine/{quarantine_id}/replay",
         "DELETE /v1/quarantine/{quarantine_id}",
@@ -194,10 +188,6 @@ NEEDS_KEY: Final = frozenset(
         "POST /v1/webhooks",
         "PATCH /v1/webhooks/{webhook_id}",
         "POST /v1/webhooks/{webhook_id}/secret-rotations",
-        # Which server receives the calls of a network.
-        "PUT /v1/cells/{network_id}",
-        "PATCH /v1/cells/{network_id}",
-        "POST /v1/cells/{network_id}/moves",
     }
 )
 

@@ -1,18 +1,17 @@
-"""Passes calls on to the servers of composition: to one, to a few at a time, or to all.
+"""Passes calls on to the servers of composition: to one, or to all.
 
 A call whose path has a network or a station goes to the server of that network. A call with another
-id, such as a mission's, goes to a few servers at a time until one knows the id. A list is merged
-from the lists of all servers; the header `Skyway-Silent-Cells` names the servers whose part is
-missing.
+id, such as a mission's, goes to all servers, and only one knows the id. A list is merged from the
+lists of all servers; the header `Skyway-Silent-Cells` names the servers whose part is missing.
 """
 
 import asyncio
-import contextlib
 import json
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any, Final
 
+import httpx
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import TypeAdapter
@@ -30,9 +29,6 @@ from skyway_gateway.routed_composition import NetworkFinder
 #: The header that names the servers whose part of a list is missing.
 SILENT_HEADER: Final = "Skyway-Silent-Cells"
 
-#: How many servers are asked at the same time about an id whose server is not known.
-_ASKED_TOGETHER: Final = 8
-
 #: The calls whose body names a network.
 _NAMED_IN_BODY: Final = ("/v1/zones", "/v1/ground-stops")
 _PROBLEMS: Final = "/v1/compositions"
@@ -40,7 +36,6 @@ _PROBLEMS: Final = "/v1/compositions"
 #: A problem with a larger body contains its own network, so any server can plan it.
 _LARGEST_REFERENCE_BYTES: Final = 1024 * 1024
 
-_DEFAULT_LIMIT: Final = 50
 #: Reads a limit as the servers do: `5.0` is a whole number.
 _LIMIT: Final = TypeAdapter(int)
 
@@ -53,15 +48,9 @@ class ForwardToCells:
     find: NetworkFinder
 
     async def __call__(self, request: Request, row: Forwarded, caller: Caller | None) -> Response:
-        """The answer of the server, or the merged answer of all servers.
-
-        Raises
-        ------
-        ServiceUnavailable
-            A server does not answer, and no other server knows the id; the error names its cell.
-        """
+        """The answer of the server, or the merged answer of all; an error names a silent cell."""
         client: ServiceClient | None = None
-        if not self.servers.has_cells:
+        if not self.servers.cells:
             client = self.servers.default
         elif row.method == "GET" and (row.path in MERGED or row.path in COUNTED):
             return await self._merge(request, row, caller)
@@ -72,11 +61,6 @@ class ForwardToCells:
         if client is None:
             return await self._first_that_knows(request, row, caller)
         return await client.forward(request, request.scope["path"], caller, timeout_s=row.timeout_s)
-
-    async def read_table(self) -> None:
-        """Read the table of cells now, because a call may have changed it."""
-        with contextlib.suppress(ServiceUnavailable):
-            await self.servers.refresh()
 
     async def _named_in_path(self, request: Request) -> ServiceClient | None:
         """The server of the network or station in the path; None if the path names neither."""
@@ -91,10 +75,7 @@ class ForwardToCells:
     async def _named_in_body(self, request: Request, row: Forwarded) -> ServiceClient:
         """The server of the network that the body names; a problem may have its own network.
 
-        Raises
-        ------
-        InvalidInput
-            A ground stop names no network. Servers cannot begin it together in one transaction.
+        A ground stop without a network is refused: servers cannot begin it in one transaction.
         """
         length = request.headers.get("content-length")
         # Without a length the body may be as large as the largest problem.
@@ -102,12 +83,9 @@ class ForwardToCells:
             return self.servers.default
         named = _network_named(await request.body(), row)
         if named is None and row.path == "/v1/ground-stops":
-            known = ", ".join(cell.network_id for cell in self.servers.cells)
-            raise InvalidInput(
-                "network_id",
-                f"is missing: some networks have cells of their own ({known}), so stop each "
-                "network by itself",
-            )
+            cells = ", ".join(self.servers.cells)
+            fault = f"is missing: stop each network by itself, because some have cells ({cells})"
+            raise InvalidInput("network_id", fault)
         return self.servers.of(named)
 
     async def _first_that_knows(
@@ -115,44 +93,28 @@ class ForwardToCells:
     ) -> Response:
         """The answer of the server that knows the id; only one server can know it.
 
-        A few servers are asked at a time. The next one is asked when one of them does not know the
-        id, or when all of them have not answered for a while. So the call does not wait for a
-        server that hangs and is not concerned.
+        The call does not wait for a server that hangs and does not know it.
         """
         await request.body()  # the request keeps its body, so that each server gets it
-        servers = list(self.servers.every().values())
-        asked: set[asyncio.Task[Response]] = set()
-        answers: list[Response] = []
+        asks = (_ask(each, request, row, caller) for each in self.servers.every().values())
+        asked = [asyncio.create_task(each) for each in asks]
         silent: ServiceUnavailable | None = None
-        most = _ASKED_TOGETHER
+        found: Response | None = None
         try:
-            while servers or asked:
-                while servers and len(asked) < most:
-                    asking = _ask(servers.pop(0), request, row, caller)
-                    asked.add(asyncio.create_task(asking))
-                done, asked = await asyncio.wait(
-                    asked,
-                    timeout=ANSWERS_WITHIN_S if servers else None,
-                    return_when=asyncio.FIRST_COMPLETED,
-                )
-                if not done:
-                    most += _ASKED_TOGETHER
-                for each in done:
-                    try:
-                        answers.append(each.result())
-                    except ServiceUnavailable as error:
-                        silent = error
-                answers.sort(key=_is_unknown)
-                if answers and not _is_unknown(answers[0]):
-                    return answers.pop(0)
-            if silent is not None or not answers:
-                raise silent or ServiceUnavailable("composition", "it has no server")
-            return answers.pop()
+            for asking in asyncio.as_completed(asked):
+                try:
+                    found = await asking
+                except ServiceUnavailable as error:
+                    silent = error
+                else:
+                    if found.status_code != HTTPStatus.NOT_FOUND:
+                        return found
+            if silent is None and found is not None:
+                return found
+            raise silent or ServiceUnavailable("composition", "it has no server")
         finally:
             for task in asked:
                 task.cancel()
-            for answer in answers:
-                await _close(answer)
 
     async def _merge(self, request: Request, row: Forwarded, caller: Caller | None) -> Response:
         path = request.scope["path"]
@@ -172,7 +134,7 @@ class ForwardToCells:
         if row.path in COUNTED:
             merged = merged_counts(pages)
         else:
-            limit = _LIMIT.validate_python(request.query_params.get("limit", _DEFAULT_LIMIT))
+            limit = _LIMIT.validate_python(request.query_params.get("limit", 50))
             merged = merged_page(pages, MERGED[row.path], limit=limit)
         silent = {SILENT_HEADER: "; ".join(answers.silent)} if answers.silent else {}
         body = json.dumps(merged, ensure_ascii=False).encode()
@@ -194,26 +156,19 @@ def _network_named(body: bytes, row: Forwarded) -> NetworkId | None:
 async def _ask(
     server: ServiceClient, request: Request, row: Forwarded, caller: Caller | None
 ) -> Response:
-    """The answer of one server.
-
-    Raises
-    ------
-    ServiceUnavailable
-        The server does not answer, or fails: it may know the id.
-    """
+    """The answer of one server; ServiceUnavailable if it is silent or fails: it may know the id."""
     path = request.scope["path"]
     answer = await server.forward(request, path, caller, timeout_s=row.timeout_s)
+    try:
+        body = await whole_body(answer)  # only one of several answers is passed on
+    except httpx.HTTPError as error:
+        raise ServiceUnavailable(server.name, "it broke off its answer") from error
     if answer.status_code >= HTTPStatus.INTERNAL_SERVER_ERROR:
-        await _close(answer)
         raise ServiceUnavailable(server.name, f"it answers {answer.status_code}")
-    return answer
+    return Response(body, answer.status_code, answer.headers)
 
 
-def _is_unknown(answer: Response) -> bool:
-    return answer.status_code == HTTPStatus.NOT_FOUND
-
-
-async def _close(answer: Response) -> None:
-    """End an answer that is not passed on."""
-    if isinstance(answer, StreamingResponse) and hasattr(answer.body_iterator, "aclose"):
-        await answer.body_iterator.aclose()
+async def whole_body(answer: StreamingResponse) -> bytes:
+    """The bytes of an answer that is not streamed on."""
+    # Starlette allows text in a stream; those of services have only bytes.
+    return b"".join([bytes(part) async for part in answer.body_iterator])  # type: ignore[arg-type]

@@ -24,10 +24,9 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.api_key import NewKey
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.routes import KeyGate, holder_of
-from skyway_gateway.forward.cell_routes import ForwardToCells
+from skyway_gateway.forward.cell_routes import ForwardToCells, whole_body
 from skyway_gateway.forward.document import most_body_bytes, stored_document
 from skyway_gateway.forward.table import (
-    CELLS_PATH,
     FORWARDED,
     PROVIDER_CREATION,
     Forwarded,
@@ -74,10 +73,7 @@ def forward_routes(
         if row.service == "composition":
             return await to_cells(request, row, caller)
         path = request.scope["path"]
-        answer = await registry.forward(request, path, caller, timeout_s=row.timeout_s)
-        if row.path.startswith(CELLS_PATH) and row.method != "GET":
-            await to_cells.read_table()
-        return answer
+        return await registry.forward(request, path, caller, timeout_s=row.timeout_s)
 
     for row in FORWARDED:
         takes = takes_bytes(_body_limit(most_body_bytes(row, document), tenant_limit))
@@ -151,9 +147,9 @@ def provider_routes(
         caller.must_be("operator")
         holder, body = holder_of(request), await request.body()
         made = await registry.forward(request, _PROVIDERS, caller)
-        if made.status_code != HTTPStatus.CREATED or not isinstance(made, StreamingResponse):
+        if made.status_code != HTTPStatus.CREATED:
             return made
-        provider = json.loads(b"".join([_bytes(part) async for part in made.body_iterator]))
+        provider = json.loads(await whole_body(made))
 
         async def add_key(tx: Tx) -> Answer:
             new = NewKey.of_provider(ProviderId(provider["provider_id"]), holder)
@@ -188,7 +184,3 @@ def _refuse_foreign(caller: Caller, request: Request) -> None:
     provider_id = request.path_params.get("provider_id")
     if caller.role == "provider" and provider_id not in (None, caller.subject_id):
         raise NotFound("provider", str(provider_id))
-
-
-def _bytes(part: Any) -> bytes:  # what a stream of Starlette's may yield: text, bytes or a view
-    return part.encode() if isinstance(part, str) else bytes(part)

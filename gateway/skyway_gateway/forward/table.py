@@ -74,7 +74,6 @@ def _batteries_and_maintenance(provider: str) -> tuple[Forwarded, ...]:
     return tuple(Forwarded(method, path, "registry", _FLEETS) for method, path in calls)
 
 
-CELLS_PATH: Final = "/v1/cells"
 _PROVIDER: Final = "/v1/providers/{provider_id}"
 _ONE_DRONE: Final = f"{_PROVIDER}/drones/{{drone_id}}"
 _NETWORK: Final = "/v1/networks/{network_id}"
@@ -102,10 +101,6 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     *_batteries_and_maintenance(_PROVIDER),
     Forwarded("POST", "/v1/enrolments", "registry", ()),
     Forwarded("POST", "/v1/enrolments/rotations", "registry", _DRONE),
-    Forwarded("GET", CELLS_PATH, "registry", _OPERATOR),
-    Forwarded("PUT", f"{CELLS_PATH}/{{network_id}}", "registry", _OPERATOR),
-    Forwarded("PATCH", f"{CELLS_PATH}/{{network_id}}", "registry", _OPERATOR),
-    Forwarded("POST", f"{CELLS_PATH}/{{network_id}}/moves", "registry", _OPERATOR),
     Forwarded("GET", "/v1/networks", "composition", _ANY),
     Forwarded(
         "PUT", _NETWORK, "composition", _OPERATOR, limit_bytes=_NETWORK_BYTES, timeout_s=_HEAVY_S
@@ -124,8 +119,6 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     ),
     Forwarded("DELETE", f"{_NETWORK}/weather", "composition", _OPERATOR),
     Forwarded("GET", f"{_NETWORK}/stations", "composition", _ANY_OR_DRONE),
-    Forwarded("GET", f"{_NETWORK}/segments", "composition", _ANY),
-    Forwarded("GET", f"{_NETWORK}/zones", "composition", _ANY),
     Forwarded("GET", "/v1/stations/{station_id}/pads", "composition", _ANY_OR_DRONE),
     Forwarded("GET", "/v1/stations/{station_id}/reservations", "composition", _ANY),
     Forwarded(

@@ -148,7 +148,7 @@ class RequestChecks:
             NO_NETWORK: no network is published at all.
         ServiceUnavailable
             Composition does not answer now, and never said whether the stations exist; or the
-            network's cell is closed to new requests.
+            network is closed to new requests.
         """
         self._check_times(request)
         _check_destinations(request)

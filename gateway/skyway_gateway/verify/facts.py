@@ -6,7 +6,6 @@ from typing import Final
 
 from sqlalchemy import func, select
 
-from skyway.contracts.cells import CellTable
 from skyway.contracts.service_facts import (
     AnyFacts,
     CopyFacts,
@@ -23,7 +22,7 @@ from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.rule import Survey
 from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES
 from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
-from skyway_gateway.tables import api_keys, known_cells, known_networks, outbox, quotes
+from skyway_gateway.tables import api_keys, known_networks, outbox, quotes
 
 
 async def _deliveries(survey: Survey) -> AsyncIterator[AnyFacts]:
@@ -109,10 +108,6 @@ async def _copies(survey: Survey) -> AsyncIterator[AnyFacts]:
             number=max(row.version, stations.version),
             text=stations_hash((each, *position) for each, position in places),
         )
-    async for row in survey.each(select(known_cells)):
-        for each in CellTable.read(row.cells).cells:
-            text = f"{each.state} {each.url}"
-            yield CopyFacts(key=f"cell {each.network_id}", number=each.generation, text=text)
     async for row in survey.each(select(quotes).where(quotes.c.hold_id.is_not(None))):
         yield CopyFacts(key=f"hold {row.hold_id}", text=row.customer_id)
     async for row in survey.each(select(packages).where(packages.c.promised_ms.is_not(None))):

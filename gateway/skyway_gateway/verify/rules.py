@@ -6,7 +6,6 @@ from typing import Final
 from pydantic import AnyHttpUrl, TypeAdapter
 
 from skyway.contracts.candidate import ProviderReason
-from skyway.contracts.cells import CellTable
 from skyway.contracts.delivery_event import DeliveryEvent
 from skyway.contracts.mission import OfferLimits
 from skyway.contracts.station_check import NetworkStations
@@ -30,7 +29,6 @@ from skyway_gateway.tables import (
     api_keys,
     events,
     idempotency,
-    known_cells,
     known_networks,
     metadata,
     outbox,
@@ -69,7 +67,6 @@ _FORMS: Final = form_rule(
         quotes.c.offers: TypeAdapter(tuple[Offer, ...]).validate_json,
         quotes.c.infeasible: _REASONS,
         known_networks.c.stations: NetworkStations.read,
-        known_cells.c.cells: CellTable.read,
         outbox.c.payload: json.loads,
         api_keys.c.key_hash: read_sha256,
         api_keys.c.scopes: TypeAdapter(tuple[Scope, ...]).validate_json,

@@ -57,7 +57,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--embedded", action="store_true", help="skyway up without drones")
     parser.add_argument("--profile", type=Path, metavar="FOLDER", help="stacks, statements")
     asked = parser.parse_args(arguments)
-    command = shlex.join(["python", "-m", "benchmarks", "idle", *arguments])
+    command = shlex.join(["python", "-m", "skyway_lab", "idle", *arguments])
     print(f"`{command}`: {Machine.here().as_text()}.\n", flush=True)
     if asked.embedded:
         print(_embedded(seconds=asked.seconds).as_markdown())

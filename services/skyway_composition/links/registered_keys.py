@@ -30,8 +30,7 @@ class RegisteredKeys:
         return await self._ask(DroneSignatureQuery())
 
     async def _ask(self, query: DroneSignatureQuery) -> Sequence[DroneSignature]:
-        """Ask for keys; the answer also shows which drones are of other servers' networks."""
-        await self.own.read_table_once()
+        """Ask for keys; the answer also shows which drones are of networks of others."""
         answer = await self.registry.call(
             "POST", DRONE_SIGNATURES, body=query, answer=DroneSignatures
         )

@@ -26,6 +26,7 @@ from skyway_composition.networks import store
 from skyway_composition.networks.pickup_store import PastPickups
 from skyway_composition.networks.settings import NetworkSettings, settings_of
 from skyway_composition.networks.store import VersionRow
+from skyway_composition.own_cells import OwnCells
 
 log = logging.getLogger(__name__)
 
@@ -62,9 +63,10 @@ class PreparedNetwork:
 
 
 class PreparedNetworks:
-    """The networks of this database, each parsed once."""
+    """The networks of this database, each parsed once; `own` says which are served here."""
 
-    def __init__(self, db: Database, clock: FleetClock) -> None:
+    def __init__(self, db: Database, clock: FleetClock, own: OwnCells | None = None) -> None:
+        self.own = own or OwnCells({}, "", "")
         self._db = db
         self._clock = clock
         self._kept: dict[NetworkId, dict[int, PreparedNetwork]] = {}
@@ -101,9 +103,18 @@ class PreparedNetworks:
         return None if present is None else await self.version(present.network_id, present.version)
 
     async def present_around(self, station_id: StationId) -> store.Present | None:
-        """The network that has this station, its current version and conditions number."""
+        """The network that has this station, its current version and conditions number.
+
+        Raises
+        ------
+        Misdirected
+            Another composition serves the network.
+        """
         async with self._db.read() as connection:
-            return await store.present_around(connection, station_id)
+            present = await store.present_around(connection, station_id)
+        if present is not None:
+            self.own.refuse_foreign(present.network_id)
+        return present
 
     async def why_missing(self, station_id: StationId) -> str:
         """Why no network has this station, in words."""

@@ -1,17 +1,16 @@
-"""Networks over REST: versions, segments, zones, and whether they accept deliveries now.
+"""Networks over REST: their versions as GeoJSON.
 
 Operators publish networks, and all callers read them.
 """
 
 from datetime import datetime
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final
 
 from fastapi import Depends, Header, Query, Request, Response
 from pydantic import Field
 
 from skyway.errors import InvalidNetwork
-from skyway.geo import Position
-from skyway.ids import NetworkId, StationId, ZoneId
+from skyway.ids import NetworkId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
@@ -119,7 +118,10 @@ def network_routes(
         after = query.after(str)
         async with db.read() as connection:
             rows = await store.current_after(
-                connection, str(after[0]) if after else "", limit=query.limit + 1
+                connection,
+                str(after[0]) if after else "",
+                without=networks.own.foreign,
+                limit=query.limit + 1,
             )
         return page_of(rows, query, item=_info, sort_key=lambda row: (row.network_id,))
 
@@ -177,89 +179,3 @@ def _info(row: VersionRow) -> NetworkInfo:
         sha256=row.sha256,
         published_at=ms_to_moment(row.published_ms),
     )
-
-
-class SegmentInfo(JsonModel):
-    """A segment of the current version, in one direction."""
-
-    from_id: Annotated[StationId, Field(description="Station where the segment starts.")]
-    to_id: Annotated[StationId, Field(description="Station where the segment ends.")]
-    length_m: Annotated[float, Field(description="Length of the segment, metres.")]
-
-
-class ZoneInfo(JsonModel):
-    """A zone of the current version, as a GeoJSON polygon."""
-
-    zone_id: Annotated[ZoneId, Field(description="Id of the zone within its network.")]
-    type: Annotated[Literal["Polygon"], Field(description="The GeoJSON type.")] = "Polygon"
-    coordinates: Annotated[
-        tuple[tuple[Position, ...], ...],
-        Field(
-            description="Closed rings of [longitude, latitude] in degrees: the outer ring first, "
-            "then its holes."
-        ),
-    ]
-    active_from: Annotated[
-        datetime | None,
-        Field(description="When the zone closes to flight, fleet time; null means always."),
-    ]
-    active_until: Annotated[
-        datetime | None,
-        Field(description="When the zone opens again, fleet time; null means never."),
-    ]
-
-
-def airspace_routes(*, gate: ServiceGate, networks: PreparedNetworks) -> ServiceRouter:
-    """/v1/networks/{network_id}/segments and .../zones."""
-    router = ServiceRouter(tags=("networks",))
-
-    @router.get("/v1/networks/{network_id}/segments")
-    async def list_network_segments(
-        network_id: NetworkId,
-        caller: Annotated[Caller, Depends(gate)],
-        query: Annotated[PageQuery, Query()],
-    ) -> Page[SegmentInfo]:
-        """List the segments of the current version, each direction separately."""
-        caller.must_be("customer", "provider", "operator", "service")
-        segments = (await networks.current(network_id)).network.segments
-        start = _offset(query)
-        rows = list(enumerate(segments[start : start + query.limit + 1], start))
-        return page_of(
-            rows,
-            query,
-            item=lambda row: SegmentInfo(
-                from_id=row[1].from_id, to_id=row[1].to_id, length_m=row[1].length_m
-            ),
-            sort_key=lambda row: (row[0],),
-        )
-
-    @router.get("/v1/networks/{network_id}/zones")
-    async def list_network_zones(
-        network_id: NetworkId,
-        caller: Annotated[Caller, Depends(gate)],
-        query: Annotated[PageQuery, Query()],
-    ) -> Page[ZoneInfo]:
-        """List the zones of the current version."""
-        caller.must_be("customer", "provider", "operator", "service")
-        zones = (await networks.current(network_id)).network.zones
-        start = _offset(query)
-        rows = list(enumerate(zones[start : start + query.limit + 1], start))
-        return page_of(
-            rows,
-            query,
-            item=lambda row: ZoneInfo(
-                zone_id=row[1].zone_id,
-                coordinates=row[1].rings,
-                active_from=row[1].active_from,
-                active_until=row[1].active_until,
-            ),
-            sort_key=lambda row: (row[0],),
-        )
-
-    return router
-
-
-def _offset(query: PageQuery) -> int:
-    """The index after the last item of the page before, in an ordered list."""
-    after = query.after(int)
-    return max(0, int(after[0]) + 1) if after else 0

@@ -161,17 +161,19 @@ async def _check_stations(
         No network is published at all, so there are no stations.
     """
     asked = list(dict.fromkeys(query.station_ids))
+    start = query.reachable_from
     async with db.read() as connection:
-        known = await stations_named(connection, asked)
-        if len(known) < len(asked) and not await has_networks(connection):
+        found = await stations_named(connection, asked if start is None else [*asked, start])
+        known = {each: row for each, row in found.items() if networks.own.serves(row.network_id)}
+        if not known.keys() >= set(asked) and not await has_networks(connection):
             raise Conflict("NO_NETWORK", NOTHING_PUBLISHED)
     unreachable: Iterable[StationId] = ()
-    if query.reachable_from is not None:
-        around = await networks.around(query.reachable_from)
+    if start is not None:
+        around = await networks.around(start) if start in known else None
         reached: Collection[StationId] = ()
         if around is not None:
             ends = {each for each in known if each in around.network.stations}
-            reached = _reached(around.network, query.reachable_from, ends)
+            reached = _reached(around.network, start, ends)
         unreachable = (each for each in asked if each in known and each not in reached)
     return StationCheck(
         network_ids={each: known[each].network_id for each in asked if each in known},

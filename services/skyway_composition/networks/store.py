@@ -1,11 +1,13 @@
 """All SQL of networks and their versions."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Final
 
 from sqlalchemy import (
     ColumnElement,
     Row,
+    and_,
     bindparam,
     case,
     collate,
@@ -108,13 +110,12 @@ def by_bytes(connection: AsyncConnection, ids: ColumnElement[str]) -> ColumnElem
 
 
 async def current_after(
-    connection: AsyncConnection, network_id: str, *, limit: int
+    connection: AsyncConnection, network_id: str, *, without: Collection[NetworkId], limit: int
 ) -> list[VersionRow]:
     """The current versions of the networks whose ids follow this id."""
     ids = by_bytes(connection, networks.c.network_id)
-    found = await connection.execute(
-        select(networks).where(ids > network_id).order_by(ids).limit(limit)
-    )
+    is_shown = and_(ids > network_id, networks.c.network_id.not_in(sorted(without)))
+    found = await connection.execute(select(networks).where(is_shown).order_by(ids).limit(limit))
     return [_version_row(row) for row in found]
 
 

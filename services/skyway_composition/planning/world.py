@@ -156,7 +156,13 @@ class World:
         """The world of a network at a version and conditions number that were just read.
 
         Reservations begin `pad_gap_s` early; None means the network's own gap.
+
+        Raises
+        ------
+        Misdirected
+            Another composition serves the network.
         """
+        networks.own.refuse_foreign(present.network_id)
         skyway = await networks.version(present.network_id, present.version)
         number = present.conditions
         conditions = await skyway.conditions.numbered(number, db, after_ms=after_ms)

@@ -8,6 +8,7 @@ them are kept, further ones are only counted, and operators get an alarm.
 
 import logging
 from collections import defaultdict
+from collections.abc import Callable
 from datetime import datetime, timedelta
 from typing import Any, Final
 
@@ -68,12 +69,19 @@ class Quarantine:
     """Takes the messages of drones that are not handled; `Reception` of their signatures' check."""
 
     def __init__(
-        self, db: Database, *, clock: FleetClock, mint: Mint, listening: Listening
+        self,
+        db: Database,
+        *,
+        clock: FleetClock,
+        mint: Mint,
+        listening: Listening,
+        is_foreign: Callable[[str], bool] = lambda _drone_id: False,
     ) -> None:
         self._db = db
         self._clock = clock
         self._mint = mint
         self._listening = listening
+        self._is_foreign = is_foreign
         self._offenders = Offenders()
         self._forgeries = Offenders()
         self._waiting: dict[ProviderId, list[SetAsideMessage]] = defaultdict(list)
@@ -85,8 +93,11 @@ class Quarantine:
         self.wake = Wake()
 
     def is_ours(self, ids: tuple[str, ...]) -> bool:
-        """Whether this replica owns the drone; another replica handles the others' messages."""
-        return self._listening.owns(DroneId(ids[1]))
+        """Whether this replica owns the drone; others handle the messages of other drones.
+
+        Those are other replicas, and the compositions of other networks (`is_foreign`).
+        """
+        return not self._is_foreign(ids[1]) and self._listening.owns(DroneId(ids[1]))
 
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         """Whether the messages of this sender are not read at present."""

@@ -16,7 +16,6 @@ from skyway.units import moment_to_ms
 from skyway_composition import alarm_store
 from skyway_composition.closures import store as closure_store
 from skyway_composition.networks import store as network_store
-from skyway_composition.own_cells import OwnCells
 from skyway_composition.settings import CompositionSettings
 
 #: Seconds of wall time between two steps.
@@ -50,7 +49,6 @@ class Pruning:
 def start_pruning(
     loops: Loops,
     membership: Membership,
-    own: OwnCells,
     db: Database,
     clock: FleetClock,
     settings: CompositionSettings,
@@ -59,7 +57,7 @@ def start_pruning(
     days = settings.closure_days, settings.alarm_days, settings.network_version_days
     kept = map(_span, days)
     pruning = Pruning(db, clock, *kept)
-    step = own.while_active(LeaderStep(membership, pruning.step))
+    step = LeaderStep(membership, pruning.step)
     loops.start("old rows", repeat("old rows", step, every_s=_EVERY_S))
 
 

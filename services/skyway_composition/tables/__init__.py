@@ -27,7 +27,6 @@ from skyway_composition.tables.networks import (
     network_versions,
     networks,
     pad_reservations,
-    seals,
     stations,
 )
 from skyway_composition.tables.no_shows import no_shows
@@ -61,7 +60,6 @@ __all__ = [
     "pad_reservations",
     "quarantine",
     "replicas",
-    "seals",
     "stations",
 ]
 

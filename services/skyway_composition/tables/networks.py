@@ -121,14 +121,3 @@ forecasts = Table(
     Column("content", LargeBinary, nullable=False),  # JSON of a ForecastDocument
     Column("measured", Text),  # JSON of a MeasuredWind, null before the first
 )
-
-#: SEALED: this database was copied for the move of its cell, and refuses changes. COPIED: this
-#: database is a copy of a database that has the same seal.
-seals = Table(
-    "seals",
-    metadata,
-    Column("kind", Text, primary_key=True),
-    Column("seal_id", Text, nullable=False),
-    Column("made_wall_ms", BigInteger, nullable=False),
-    CheckConstraint("kind IN ('SEALED', 'COPIED')", name="seal_kind"),
-)

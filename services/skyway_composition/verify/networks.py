@@ -24,7 +24,6 @@ from skyway.network.geojson_text import read_network_text
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.units import NEVER_MS, moment_to_ms, ms_to_moment
 from skyway.verify_finders import rows_where
-from skyway_composition.cell_store import HELD
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.conditions import Conditions
 from skyway_composition.closures.read_forecast import forecast_of
@@ -39,7 +38,6 @@ from skyway_composition.tables import (
     network_versions,
     networks,
     pad_reservations,
-    seals,
     stations,
 )
 
@@ -93,19 +91,6 @@ def _published(content: bytes) -> Mapping[str, _Station]:
     }
 
 
-async def _unguarded_tables(survey: Survey) -> list[str]:
-    """The tables of a sealed database that accept changes."""
-    if not await survey.rows(select(seals).where(seals.c.kind == "SEALED")):
-        return []
-    guarded = (
-        "SELECT tbl_name FROM sqlite_master WHERE type = 'trigger' AND name GLOB 'sealed_*'"
-        if survey.dialect == "sqlite"
-        else "SELECT tgrelid::regclass::text FROM pg_trigger WHERE tgname = 'sealed'"
-    )
-    names = {name for (name,) in await survey.texts(guarded)}
-    return [table.name for table in HELD if table.name not in names]
-
-
 async def _unusable_forecasts(survey: Survey) -> list[str]:
     """The networks whose forecast was changed, or cannot be read."""
     latest_ms = NEVER_MS if survey.fleet_ms is None else survey.fleet_ms
@@ -133,13 +118,6 @@ NETWORKS: Final = (
         _unusable_forecasts,
         "The row was changed by hand. Send the forecast again (PUT /v1/networks/{id}/weather), or "
         "remove it (DELETE): plans then assume still air.",
-    ),
-    Rule(
-        "a sealed database refuses changes in each table",
-        _unguarded_tables,
-        "The triggers of the seal are gone, so a retired server could change the table. Seal the "
-        "database again: skyway cell unseal, then skyway cell copy. After a move, only stop its "
-        "server.",
     ),
     Rule(
         "I12 a current version is kept",

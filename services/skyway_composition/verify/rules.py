@@ -56,7 +56,6 @@ from skyway_composition.tables import (
     networks,
     offer_holds,
     outbox,
-    seals,
     stations,
 )
 from skyway_composition.verify.calendars import CALENDARS, read_stored_stays
@@ -107,8 +106,8 @@ RULES: Final[tuple[Rule, ...]] = (
             "drone_time_taken_on_insert",
             "drone_time_taken_on_update",
         ),
-        # A chain begins when its drone is planned to load. When a seal was made is only shown.
-        ahead=(custody.c.at_ms, seals.c.made_wall_ms),
+        # A chain begins when its drone is planned to load.
+        ahead=(custody.c.at_ms,),
     ),
     *outbox_rules(outbox, channels=("gateway", "mqtt", "registry")),
     _FORMS,

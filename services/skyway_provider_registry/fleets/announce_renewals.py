@@ -46,7 +46,8 @@ class CompositionNotice:
         ServiceUnavailable
             Composition is away; it will be notified later.
         """
-        for client in self.servers.serving(network_id):
+        every = self.servers.every().values()
+        for client in every if network_id is None else [self.servers.of(network_id)]:
             await client.call("POST", RENEWALS, body=renewals)
 
 

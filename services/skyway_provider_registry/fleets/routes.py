@@ -8,9 +8,11 @@ from fastapi import Depends, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from pydantic import Discriminator, Field, Tag
 
+from skyway.cells import CellClients
 from skyway.contracts.drones import MOST_NEW_DRONES
 from skyway.ids import DroneId, NetworkId, ProviderId
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import Conflict
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
@@ -20,7 +22,6 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.signing.cloud_key_file import CloudKeyFile
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
-from skyway_provider_registry.cells import store as cell_store
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets import battery_store, statistics_store, store
@@ -56,6 +57,7 @@ def fleet_routes(
     clock: FleetClock,
     stations: StationLookup,
     password_file: PasswordFile,
+    servers: CellClients,
 ) -> ServiceRouter:
     """GET, PATCH and DELETE of /v1/providers/{provider_id}/drones and /{drone_id}."""
     router = ServiceRouter(tags=("drones",), prefix="/v1/providers/{provider_id}/drones")
@@ -108,9 +110,13 @@ def fleet_routes(
                 before = await store.of_caller(
                     tx.connection, caller, provider_id=provider_id, drone_id=drone_id
                 )
-                await cell_store.refuse_another_cell(
-                    tx.connection, before.network_id, NetworkId(str(values["network_id"]))
-                )
+                home = NetworkId(str(values["network_id"]))
+                if servers.url_of(before.network_id) != servers.url_of(home):
+                    detail = (
+                        f"the drone is at home in {before.network_id}, and another composition "
+                        f"serves {home}: remove the drone, and register it again"
+                    )
+                    raise Conflict("OTHER_CELL", detail)
             await store.change(
                 tx, caller, provider_id=provider_id, drone_id=drone_id, values=values
             )

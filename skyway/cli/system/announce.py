@@ -82,10 +82,7 @@ def announce(console: Console, system: System, *, link: str) -> None:
         "registry": system.urls["registry"],
         "composition": system.urls["composition"],
         "broker": system.mqtt_url,
-        **{
-            name: f"{url} (skyway cell add NETWORK --url={url})"
-            for name, url in system.cells.items()
-        },
+        **{name: f"the composition of {network}" for name, network in system.cells.items()},
     }
     lines = [
         "Skyway is up:",

@@ -3,12 +3,12 @@
 import os
 import socket
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
-from skyway.cli.system.cells import cell_names
 from skyway.cli.system.retry import NotNow, until_done
 from skyway.cli.system.supervisor import Child
 
@@ -16,6 +16,8 @@ _HOST = "127.0.0.1"
 
 #: How long to wait for a port that is in use, seconds of wall time.
 _PORTS_FREE_WITHIN_S = 60.0
+
+NO_CELLS: Mapping[str, str] = MappingProxyType({})
 
 #: The package that each process runs.
 PACKAGES = {
@@ -31,14 +33,13 @@ REPLICATED = ("registry", "composition", "gateway")
 
 @dataclass(frozen=True, slots=True)
 class Ports:
-    """The public ports and the ports of cells; 0 is any free port. All others are free ports."""
+    """The public ports; 0 is any free port. All others are free ports."""
 
     gateway: int = 8000
     broker: int = 1883
-    cells: tuple[int, ...] = ()
 
 
-def bind(ports: Ports, held: ExitStack) -> dict[str, socket.socket]:
+def bind(ports: Ports, held: ExitStack, cells: Iterable[str] = ()) -> dict[str, socket.socket]:
     """The sockets by process, in start order: the registry starts before the broker.
 
     The registry writes the accounts that the broker reads.
@@ -48,7 +49,7 @@ def bind(ports: Ports, held: ExitStack) -> dict[str, socket.socket]:
         "broker": ports.broker,
         "composition": 0,
         "gateway": ports.gateway,
-        **dict(zip(cell_names(len(ports.cells)), ports.cells, strict=True)),
+        **dict.fromkeys(cells, 0),
     }
     if named_broker() is not None:
         del ports_by_name["broker"]
@@ -59,7 +60,7 @@ def bind(ports: Ports, held: ExitStack) -> dict[str, socket.socket]:
 
 
 async def bind_when_free(
-    ports: Ports, held: ExitStack, *, say: Callable[[str], None]
+    ports: Ports, held: ExitStack, cells: Iterable[str] = (), *, say: Callable[[str], None]
 ) -> dict[str, socket.socket]:
     """The same, once the ports are free: the processes of a killed Skyway need a moment to leave.
 
@@ -71,7 +72,7 @@ async def bind_when_free(
 
     async def bind_all() -> dict[str, socket.socket]:
         with ExitStack() as bound:
-            sockets = bind(ports, bound)
+            sockets = bind(ports, bound, cells)
             held.push(bound.pop_all())
             return sockets
 
@@ -83,14 +84,18 @@ def service_urls(sockets: Mapping[str, socket.socket]) -> dict[str, str]:
     return {name: f"http://{_HOST}:{_port(sockets[name])}" for name in CLOUD_SERVICES}
 
 
-def cell_urls(sockets: Mapping[str, socket.socket]) -> dict[str, str]:
+def cell_urls(cells: Mapping[str, str], sockets: Mapping[str, socket.socket]) -> dict[str, str]:
     """The URL of each cell."""
-    names = (name for name in cell_names(len(sockets)) if name in sockets)
-    return {name: f"http://{_HOST}:{_port(sockets[name])}" for name in names}
+    return {name: f"http://{_HOST}:{_port(sockets[name])}" for name in cells}
 
 
-def environment(folder: DataFolder, sockets: Mapping[str, socket.socket]) -> dict[str, str]:
-    """The settings of all processes; each process gets its database and socket in addition."""
+def environment(
+    folder: DataFolder, sockets: Mapping[str, socket.socket], cells: Mapping[str, str] = NO_CELLS
+) -> dict[str, str]:
+    """The settings of all processes; each process gets its database and socket in addition.
+
+    `cells` are the networks of the cells by their names.
+    """
     settings = {
         "SKYWAY_SECRETS_DIR": str(folder.secrets.resolve()),
         "SKYWAY_CLOCK_FILE": str(folder.clock_file.resolve()),
@@ -104,8 +109,9 @@ def environment(folder: DataFolder, sockets: Mapping[str, socket.socket]) -> dic
         settings["SKYWAY_DRONE_CA_DIR"] = str(folder.drone_ca.resolve())
     for name, url in service_urls(sockets).items():
         settings[f"SKYWAY_{name.upper()}_URL"] = url
-    if cell_urls(sockets):
-        settings["SKYWAY_CELL_HOSTS"] = os.environ.get("SKYWAY_CELL_HOSTS", _HOST)
+    if cells:
+        own = [f"{cells[name]}={url}" for name, url in cell_urls(cells, sockets).items()]
+        settings["SKYWAY_CELLS"] = ",".join([*own, os.environ.get("SKYWAY_CELLS", "")])
     broker = named_broker()
     if broker is None:
         url = f"mqtt://{_HOST}:{_port(sockets['broker'])}"

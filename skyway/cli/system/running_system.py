@@ -3,14 +3,14 @@
 import asyncio
 import os
 import sys
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import ExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from skyway.cli.data_folder import DataFolder, held, note_ready
 from skyway.cli.system.broker_files import write_mosquitto_files
-from skyway.cli.system.cells import keep_ports, kept_ports
+from skyway.cli.system.cells import cells_of, keep_cells
 from skyway.cli.system.children import (
     REPLICATED,
     Ports,
@@ -39,7 +39,7 @@ class System:
     supervisor: Supervisor
     urls: Mapping[str, str]
     mqtt_url: str
-    #: The URL of each cell.
+    #: The network of each cell, by the name of its process.
     cells: Mapping[str, str] = field(default_factory=dict)
 
     def start_fleet(self, name: str, fleet_file: Path, *, gives_way_by: int = 0) -> None:
@@ -66,14 +66,14 @@ async def running_system(
     ports: Ports,
     say: Callable[[str], None],
     replicas: int = 1,
-    cells: int = 0,
+    cells: Sequence[str] = (),
 ) -> AsyncIterator[System]:
     """Start everything, wait until it is ready, and end everything on leaving.
 
     `SKYWAY_DATABASE_URL` and `SKYWAY_MQTT_URL` replace the embedded database and broker. When the
     start takes long, or a process has to be started again, `say` gets the reason. Gateway and
-    composition may have several `replicas`, which share their socket; this needs PostgreSQL. And as
-    many further servers of composition as `cells` have databases of their own.
+    composition may have several `replicas`, which share their socket; this needs PostgreSQL. Each
+    network of `cells` has a composition and a database of its own.
 
     Raises
     ------
@@ -86,20 +86,18 @@ async def running_system(
     with ExitStack() as opened:
         opened.enter_context(held(folder))
         anchor_clock(folder, rate=rate)
-        ports = replace(ports, cells=kept_ports(folder, cells))
-        sockets = await bind_when_free(ports, opened, say=say)
-        keep_ports(folder, sockets)
-        settings = environment(folder, sockets)
+        own_cells = cells_of(folder, cells)
+        sockets = await bind_when_free(ports, opened, own_cells, say=say)
+        settings = environment(folder, sockets, own_cells)
         if "broker" not in sockets and not is_nats():
             write_mosquitto_files(folder)
-        its_cells = cell_urls(sockets)
-        databases = await until_done(lambda: database_urls(folder, list(its_cells)), say=say)
+        databases = await until_done(lambda: database_urls(folder, [*own_cells]), say=say)
         system = System(
             folder=folder,
             supervisor=Supervisor(say=say),
             urls=service_urls(sockets),
             mqtt_url=os.environ.get("SKYWAY_MQTT_DRONE_URL", settings["SKYWAY_MQTT_URL"]),
-            cells=its_cells,
+            cells=own_cells,
         )
         own_broker_url = settings["SKYWAY_MQTT_URL"] if "broker" in sockets else ""
         write_keys_file(
@@ -118,9 +116,10 @@ async def running_system(
                             replace(process, name=its_name, log=folder.log(its_name))
                         )
                 # Each service says for as long as it takes what it waits for.
-                servers = {**system.urls, **its_cells}
+                servers = {**system.urls, **cell_urls(own_cells, sockets)}
                 await first_of(until_ready(servers, say=say), system.supervisor.failed())
                 note_ready(folder)
+                keep_cells(folder, own_cells)
                 yield system
         finally:
             for keeper in keepers:

@@ -12,7 +12,7 @@ import typer
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import fail
-from skyway.cli.system.cells import cell_names, kept_ports
+from skyway.cli.system.cells import cells_of
 from skyway.errors import SkywayError
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def verify_command(
         typer.Option(
             "--cell",
             help="The URL of a further cell's database; once for each cell that is not of "
-            "`skyway up --cells`.",
+            "`skyway up --cell`.",
         ),
     ] = None,
     repair: Annotated[
@@ -42,7 +42,7 @@ def verify_command(
     from skyway.cli.verify.looks import cell_name
 
     folder = data_folder(data)
-    own = cell_names(len(kept_ports(folder)))
+    own = [*cells_of(folder)]
     urls = asyncio.run(database_urls(folder, own))
     of_cells = [*(urls.pop(name) for name in own), *(cells or ())]
     urls |= {cell_name(number): url for number, url in enumerate(of_cells, start=1)}

@@ -92,12 +92,6 @@ COPY_RULES: Final = (
         second="composition",
     ),
     _of_gateway(
-        "the gateway knows the cells as the registry has them",
-        _unlike_copy("cell ", is_later=True),
-        "Delete the row of `known_cells`: the gateway asks the registry again.",
-        second="registry",
-    ),
-    _of_gateway(
         "a hold is of the customer whose offers it keeps",
         _unlike_copy("hold ", is_later=False),
         "Set `customer_id` of the row of `offer_holds` to that of the gateway's quote: else "

@@ -11,7 +11,7 @@ from urllib.parse import quote, urlencode
 
 import aiohttp
 import httpx
-from fastapi import Request, Response
+from fastapi import Request
 from fastapi.responses import StreamingResponse
 from httpx_aiohttp import AiohttpTransport
 from pydantic import TypeAdapter, ValidationError
@@ -101,14 +101,14 @@ class ServiceClient:
         self._opened: httpx.AsyncBaseTransport | None = None
         self._added: Mapping[str, str] = {}
 
-    def at(self, url: str) -> "ServiceClient":
+    def at(self, url: str, *, name: str) -> "ServiceClient":
         """A client of the same service at another address, with connections of its own."""
-        return ServiceClient(self.name, url, self._identity, transport=self._transport)
+        return ServiceClient(name, url, self._identity, transport=self._transport)
 
-    def adding(self, name: str, headers: Mapping[str, str]) -> Self:
-        """The same connections under another name; these headers are added to each request."""
+    def adding(self, headers: Mapping[str, str]) -> Self:
+        """The same connections; these headers are added to each request."""
         copied = copy.copy(self)
-        copied.name, copied._added = name, headers
+        copied._added = headers
         return copied
 
     async def __aenter__(self) -> Self:
@@ -170,7 +170,7 @@ class ServiceClient:
 
     async def forward(
         self, request: Request, path: str, caller: Caller | None, *, timeout_s: float = _FORWARD_S
-    ) -> Response:
+    ) -> StreamingResponse:
         """The service's own answer to a whole request; both bodies are streamed, never held.
 
         The query is passed on, and of the headers only those that services understand.

@@ -58,10 +58,6 @@ _SQLITE: Final = frozenset(
 )
 _SQLITE_DAMAGED: Final = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
-#: What the triggers of a sealed database raise, and their SQLSTATE on PostgreSQL.
-SEALED: Final = "SEALED"
-SEALED_STATE: Final = "SW001"
-
 #: The trouble behind an error; None when the error is a bug.
 NameTrouble = Callable[[BaseException], ServiceUnavailable | None]
 
@@ -122,9 +118,6 @@ def trouble_of_writing(error: BaseException) -> ServiceUnavailable | None:
     """
     if _is_read_only(_cause(error)):
         return _unavailable("it is read-only now")
-    if str(_cause(error)) == SEALED or _sqlstate(_cause(error)) == SEALED_STATE:
-        detail = "it is sealed, because its cell moves to another server; try again after the move"
-        return ServiceUnavailable("database", detail, code="CELL_SEALED")
     return trouble_of_reading(error)
 
 
@@ -198,7 +191,7 @@ async def violated_constraint(
         return _on_postgresql(error)
     name = getattr(error.orig, "sqlite_errorname", None)
     if name == "SQLITE_CONSTRAINT_TRIGGER":
-        return None if str(error.orig) == SEALED else str(error.orig)
+        return str(error.orig)
     if name in _SQLITE_UNIQUE:
         return await _on_sqlite(connection, str(error.orig).partition(": ")[2])
     return None

@@ -191,3 +191,17 @@ async def test_drones_come_in_pages(api: Any, mine: str) -> None:
 
     assert [drone["drone_id"] for drone in first["items"] + rest["items"]] == made
     assert rest["next_cursor"] is None
+
+
+@pytest.mark.databases("sqlite", "postgresql")
+async def test_a_drone_does_not_change_its_cell(api: Any, stations: Any) -> None:
+    drone = await api.drone(await api.provider())
+    stations.elsewhere = {"mcqueeney": "ohio"}
+    path = f"/v1/providers/{drone['provider_id']}/drones/{drone['drone_id']}"
+
+    refused = await api("operator:op", "PATCH", path, {"home_station_id": "mcqueeney"})
+    stations.elsewhere = {}
+    accepted = await api("operator:op", "PATCH", path, {"home_station_id": "mcqueeney"})
+
+    assert (refused.status_code, refused.json()["code"]) == (409, "OTHER_CELL")
+    assert accepted.status_code == 200

@@ -3,17 +3,13 @@
 from typing import Any
 
 import pytest
-from skyway_provider_registry.cells import store
 from skyway_provider_registry.presence import announce_alarms, jump_store
 
 from skyway.cells import CellClients
-from skyway.contracts.cells import CellWork
 from skyway.contracts.drones import DroneAlarm
-from skyway.ids import NetworkId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.database import Database
-from tests.provider_registry.conftest import Server
 
 
 async def test_a_silent_cell_keeps_back_only_the_alarms_about_its_own_drones(
@@ -22,7 +18,6 @@ async def test_a_silent_cell_keeps_back_only_the_alarms_about_its_own_drones(
     clock: ManualClock,
     stations: Any,
     servers: CellClients,
-    compositions: dict[str, Server],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(announce_alarms, "_MOST_AT_ONCE", 1)
@@ -43,13 +38,7 @@ async def test_a_silent_cell_keeps_back_only_the_alarms_about_its_own_drones(
         for each in drones
     ]
     async with db.write() as tx:
-        await store.add(tx, NetworkId("texas"), url="http://north")
-        await store.add(tx, NetworkId("ohio"), url="http://south")
         await jump_store.put_in_maintenance(tx, alarms)
-    await servers.refresh()
-    compositions["south"].work = CellWork(
-        cell_url=None, network_ids=(), open_missions=0, held_offers=0, unsent=0, rows={}
-    )
 
     with pytest.raises(ServiceUnavailable, match="texas"):
         await announce_alarms.AlarmAnnouncer(db, servers).step()

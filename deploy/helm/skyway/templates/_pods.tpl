@@ -99,22 +99,19 @@ topologySpreadConstraints:
 - name: SKYWAY_CELL_URL
   value: http://{{ $fullname }}-{{ .name }}:8002
 {{- end }}
-{{- $hosts := list }}
-{{- if and (eq .name "registry") .root.Values.cells }}
-{{- range .root.Values.cells }}
-{{- $hosts = append $hosts (printf "%s-cell-%s" $fullname .name) }}
+{{- $cells := list }}
+{{- range $cell := .root.Values.cells }}
+{{- range .networks }}
+{{- $cells = append $cells (printf "%s=http://%s-cell-%s:8002" . $fullname $cell.name) }}
 {{- end }}
-{{- with .root.Values.registry.settings.SKYWAY_CELL_HOSTS }}
-{{- $hosts = append $hosts . }}
 {{- end }}
-- name: SKYWAY_CELL_HOSTS
-  value: {{ join "," $hosts | quote }}
+{{- with $cells }}
+- name: SKYWAY_CELLS
+  value: {{ join "," . | quote }}
 {{- end }}
 {{- range $name, $value := (index .root.Values (.service | default .name)).settings }}
-{{- if not (and $hosts (eq $name "SKYWAY_CELL_HOSTS")) }}
 - name: {{ $name }}
   value: {{ include "skyway.text" $value | quote }}
-{{- end }}
 {{- end }}
 {{- end -}}
 

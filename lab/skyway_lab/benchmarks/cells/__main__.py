@@ -32,7 +32,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--routing", action="store_true", help="of a hundred cells")
     asked = parser.parse_args(arguments)
-    command = shlex.join(["python", "-m", "benchmarks", "cells", *arguments])
+    command = shlex.join(["python", "-m", "skyway_lab", "cells", *arguments])
     print(f"`{command}`: {Machine.here().as_text()}.\n", flush=True)
     if asked.routing:
         counts = (1, 10, 100)

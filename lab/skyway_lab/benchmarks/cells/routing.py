@@ -19,8 +19,7 @@ from skyway_gateway.forward.table import FORWARDED
 from skyway_gateway.routed_composition import NetworkFinder
 
 from skyway.announced_networks import CachedNetworks
-from skyway.cells import CellClients, Cells
-from skyway.contracts.cells import CellTable, NetworkCell
+from skyway.cells import CellClients
 from skyway.contracts.station_check import NetworkStations
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
@@ -45,18 +44,10 @@ async def routing_rows(counts: tuple[int, ...]) -> list[tuple[str, ...]]:
 
 async def _costs(count: int) -> dict[str, float]:
     names = [NetworkId(f"region-{number:03}") for number in range(count)]
-    table = CellTable(
-        cells=tuple(
-            NetworkCell(network_id=name, url=f"http://{name}", state="OPEN", generation=number)
-            for number, name in enumerate(names, start=1)
-        )
-    )
+    cells = {name: f"http://{name}" for name in names}
     cached, last = CachedNetworks(), names[-1]
     for name in names:
         cached.put(_stations(name))
-
-    async def read() -> CellTable:
-        return CellTable.read(table.model_dump_json().encode())
 
     async with AsyncExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
@@ -64,8 +55,7 @@ async def _costs(count: int) -> dict[str, float]:
         identity = ServiceIdentity("gateway", folder)
         transport = httpx.MockTransport(_answer)
         default = ServiceClient("composition", "http://composition", identity, transport=transport)
-        servers = await stack.enter_async_context(CellClients(default, Cells(read)))
-        await servers.refresh()
+        servers = await stack.enter_async_context(CellClients(default, cells))
         finder = NetworkFinder(servers, cached, Database("sqlite:///not-opened"))
         to_cells = ForwardToCells(servers, finder)
 
@@ -93,7 +83,6 @@ async def _costs(count: int) -> dict[str, float]:
             "a list of all servers": await _each_ms(
                 lambda: passed_on("/v1/alarms"), calls=_CALLS_OF_MANY
             ),
-            "read the table of cells, each second": await _each_ms(servers.refresh),
         }
 
 

@@ -39,15 +39,16 @@ class Cost:
 async def run(burst: Burst, *, regions: int, cells: int) -> Cost:
     """The cost of this burst with so many cells; without cells, one composition serves all."""
     with data_folder() as folder, storage_pair(burst.storage, folder) as servers:
+        places = Regions.of(regions, stations=burst.stations, seed=burst.seed)
         async with running_system(
-            folder, rate=burst.clock_rate, ports=Ports(gateway=0, broker=0), say=print, cells=cells
+            folder,
+            rate=burst.clock_rate,
+            ports=Ports(gateway=0, broker=0),
+            say=print,
+            cells=list(places.cities)[:cells],
         ) as system:
-            places = Regions.of(regions, stations=burst.stations, seed=burst.seed)
             key = read_keys(folder)["SKYWAY_OPERATOR_KEY"]
             async with GatewayApi(system.urls["gateway"]) as api:
-                for network_id, url in zip(places.cities, system.cells.values(), strict=False):
-                    path = f"/v1/cells/{network_id}"
-                    await api.call("PUT", path, key=key, body={"url": url})
                 world = await populate(system, api, places, operator_key=key, burst=burst)
             pids = pids_of(system, world)
             for name in system.cells:

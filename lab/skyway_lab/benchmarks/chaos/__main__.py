@@ -20,7 +20,7 @@ def main(arguments: list[str]) -> int:
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     # Poisoners lose their connections, as they should.
     logging.getLogger("skyway.runtime.mqtt").setLevel(logging.ERROR)
-    command = shlex.join(["python", "-m", "benchmarks", "chaos", *arguments])
+    command = shlex.join(["python", "-m", "skyway_lab", "chaos", *arguments])
     machine = Machine.here().as_text()
     print(f"`{command}`: {machine}.\n\n{trial.as_text()}\n", flush=True)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:  # as the services

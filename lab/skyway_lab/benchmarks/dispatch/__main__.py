@@ -175,7 +175,7 @@ def _chosen(sizes: argparse.Namespace) -> list[tuple[Place, Load]]:
 def main(arguments: list[str]) -> int:
     """Measure and print."""
     sizes = read_arguments(arguments)
-    command = shlex.join(["python", "-m", "benchmarks", "dispatch", *arguments])
+    command = shlex.join(["python", "-m", "skyway_lab", "dispatch", *arguments])
     print(f"`{command}`: {Machine.here().as_text()}.\n", flush=True)
     warm()
     for name, part in PARTS.items():

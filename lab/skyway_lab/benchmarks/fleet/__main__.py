@@ -48,7 +48,7 @@ async def _print(sizes: Sizes) -> None:
 def main(arguments: list[str]) -> int:
     """Measure and print."""
     sizes = read_sizes(arguments)
-    command = shlex.join(["python", "-m", "benchmarks", "fleet", *arguments])
+    command = shlex.join(["python", "-m", "skyway_lab", "fleet", *arguments])
     print(f"`{command}`: {Machine.here().as_text()}, seed {sizes.seed}.\n", flush=True)
     asyncio.run(_print(sizes))
     return 0

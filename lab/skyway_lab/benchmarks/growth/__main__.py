@@ -23,7 +23,7 @@ _LEAST: Final = 20
 def main(arguments: list[str]) -> int:
     """Run all sizes, each in a system of its own."""
     growth = read_growth(arguments)
-    command = shlex.join(["python", "-m", "benchmarks", "growth", *arguments])
+    command = shlex.join(["python", "-m", "skyway_lab", "growth", *arguments])
     print(f"`{command}`: {Machine.here().as_text()}.\n\n{growth.load.as_text()}\n", flush=True)
     smallest = _costs(growth, growth.smallest)
     rows = [_row("the smallest", growth.smallest, smallest, smallest)]

@@ -21,7 +21,7 @@ def main(arguments: list[str]) -> int:
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     # Rogues lose their connections, as they should.
     logging.getLogger("skyway.runtime.mqtt").setLevel(logging.ERROR)
-    command = shlex.join(["python", "-m", "benchmarks", "hostile", *arguments])
+    command = shlex.join(["python", "-m", "skyway_lab", "hostile", *arguments])
     print(f"`{command}`: {Machine.here().as_text()}.\n\n{trial.as_text()}\n", flush=True)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:  # as the services
         if trial.only:

@@ -15,7 +15,7 @@ from skyway_lab.benchmarks.planner.table import Table
 def main(arguments: list[str]) -> int:
     """Run once and print what came of it."""
     burst = read_burst(arguments)
-    command = shlex.join(["python", "-m", "benchmarks", "load", *arguments])
+    command = shlex.join(["python", "-m", "skyway_lab", "load", *arguments])
     print(f"`{command}`: {Machine.here().as_text()}.\n\n{burst.as_text()}\n", flush=True)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:  # as the services
         outcome = runner.run(run(burst))

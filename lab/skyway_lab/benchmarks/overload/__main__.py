@@ -49,7 +49,7 @@ def main(arguments: list[str]) -> int:
         seed=asked.seed,
     )
     trial = Trial(burst, asked.factors, asked.capacity_per_s, asked.probe, asked.share)
-    command = shlex.join(["python", "-m", "benchmarks", "overload", *arguments])
+    command = shlex.join(["python", "-m", "skyway_lab", "overload", *arguments])
     about = f"`{command}`: {Machine.here().as_text()}."
     print(f"{about}\n", flush=True)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:  # as the services

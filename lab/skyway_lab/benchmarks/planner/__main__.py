@@ -76,7 +76,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _heading(arguments: list[str], machine: Machine) -> str:
-    command = shlex.join(["python", "-m", "benchmarks", "planner", *arguments])
+    command = shlex.join(["python", "-m", "skyway_lab", "planner", *arguments])
     return f"`{command}`, seed {SEED}, {datetime.now(UTC):%Y-%m-%d}: {machine.as_text()}."
 
 

@@ -2,18 +2,16 @@
 
 from typing import Annotated
 
-from fastapi import Depends, Request
+from fastapi import Depends
 
-from skyway.contracts.cells import CELL_HEADER
 from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
 from skyway.contracts.quote import KeepOffer, KeptOffer
-from skyway.ids import DeliveryId, HoldId, StationId
+from skyway.ids import DeliveryId, HoldId
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.missions.booking.book import Bookings
 from skyway_composition.missions.booking.keep_offer import OfferKeeper
-from skyway_composition.own_cells import OwnCells
 from skyway_composition.planning.no_shows import NoShows
 
 
@@ -23,32 +21,18 @@ def booking_routes(
     bookings: Bookings,
     keeper: OfferKeeper,
     no_shows: NoShows,
-    own: OwnCells,
 ) -> ServiceRouter:
     """The gateway's calls under /internal/deliveries, /internal/offers and /internal/holds."""
     router = ServiceRouter(tags=("missions",))
 
-    async def refuse_foreign(request: Request, pickup: StationId) -> None:
-        """Go on only if this server serves the network of the pickup.
-
-        The entrance has checked a network that is named. A gateway names none while it has not read
-        the row of the network.
-        """
-        if own.cells.newest and CELL_HEADER not in request.headers:
-            present = await bookings.networks.present_around(pickup)
-            if present is not None:
-                await own.refuse_unnamed(present.network_id)
-
     @router.put("/internal/deliveries/{delivery_id}/missions")
     async def book_missions(
-        request: Request,
         delivery_id: DeliveryId,
         caller: Annotated[Caller, Depends(gate)],
         requested: Annotated[BookMissions, Depends(internal_body(BookMissions))],
     ) -> Booking:
         """Book the best offer; the same attempt again answers the same missions."""
         caller.must_be_service("gateway")
-        await refuse_foreign(request, requested.request.pickup.station_id)
         shortlist = await no_shows.marked(requested.shortlist)
         marked = requested.model_copy(update={"shortlist": shortlist})
         return await bookings.book(delivery_id, marked)
@@ -63,13 +47,11 @@ def booking_routes(
 
     @router.post("/internal/offers")
     async def keep_offer(
-        request: Request,
         caller: Annotated[Caller, Depends(gate)],
         asked: Annotated[KeepOffer, Depends(internal_body(KeepOffer))],
     ) -> KeptOffer:
         """Hold an offer that is accepted now until it is booked, or say why it is lost."""
         caller.must_be_service("gateway")
-        await refuse_foreign(request, asked.request.pickup.station_id)
         return await keeper.keep(asked)
 
     @router.delete("/internal/holds/{hold_id}", status_code=204)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.system.cells import keep_ports, kept_ports
+from skyway.cli.system.cells import cells_of, keep_cells
 from skyway.cli.system.children import Ports, bind, cell_urls, child, environment
 from skyway.cli.system.secrets import make_secrets, write_keys_file
 
@@ -73,28 +73,29 @@ def test_the_keys_of_a_system_with_an_external_broker_name_it(
     assert url == URL
 
 
-def test_cells_keep_their_addresses_and_have_databases_of_their_own(folder: DataFolder) -> None:
-    urls = list[dict[str, str]]()
-    for count in (2, 0, 3):
-        with ExitStack() as held:
-            ports = Ports(gateway=0, broker=0, cells=kept_ports(folder, count))
-            sockets = bind(ports, held)
-            keep_ports(folder, sockets)
-            urls.append(cell_urls(sockets))
-            process = child(
-                "cell-2",
-                folder,
-                listener=sockets["cell-2"],
-                shared=environment(folder, sockets),
-                database_urls={"cell-2": "sqlite:///cell-2.db"},
-            )
+def test_cells_are_kept_and_every_process_knows_their_addresses(
+    folder: DataFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keep_cells(folder, cells_of(folder, ["texas", "ohio"]))
+    cells = cells_of(folder, ["ohio", "north"])
+    with ExitStack() as held:
+        sockets = bind(Ports(gateway=0, broker=0), held, cells)
+        urls = cell_urls(cells, sockets)
+        monkeypatch.setenv("SKYWAY_CELLS", "far=http://far")
+        settings = environment(folder, sockets, cells)
+        process = child(
+            "cell-2",
+            folder,
+            listener=sockets["cell-2"],
+            shared=settings,
+            database_urls={"cell-2": "sqlite:///cell-2.db"},
+        )
 
-    first, again, more = urls
-    assert list(first) == ["cell-1", "cell-2"]
-    assert again == first
-    assert list(more) == ["cell-1", "cell-2", "cell-3"]
-    assert first.items() <= more.items()
+    assert cells == {"cell-1": "texas", "cell-2": "ohio", "cell-3": "north"}
+    assert settings["SKYWAY_CELLS"].split(",") == [
+        *(f"{network}={urls[name]}" for name, network in cells.items()),
+        "far=http://far",
+    ]
     assert process.command[-1] == "skyway_composition"
-    assert process.environment["SKYWAY_CELL_URL"] == more["cell-2"]
-    assert process.environment["SKYWAY_CELL_HOSTS"] == "127.0.0.1"
+    assert process.environment["SKYWAY_CELL_URL"] == urls["cell-2"]
     assert process.environment["SKYWAY_DATABASE_URL"] == "sqlite:///cell-2.db"
