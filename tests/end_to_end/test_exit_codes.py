@@ -56,7 +56,6 @@ MAINS: Final = {
     "registry": ["skyway_provider_registry"],
     "composition": ["skyway_composition"],
     "migrate": ["skyway_composition", "migrate"],
-    "unseal": ["skyway_composition", "unseal"],
     "broker": ["skyway_broker"],
     "drone agent": ["skyway_drone_agent", "--fleet", "fleet.json", "--journal", "journal"],
     "search": [f"from {SEARCH} import serve; serve()"],
