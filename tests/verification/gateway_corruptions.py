@@ -246,6 +246,22 @@ _PACKAGES: Final = (
         gateway="UPDATE packages SET proof = json_set(proof, '$.station_id', 'line-s2')"
         " WHERE delivery_id = :completed",
     ),
+    *(
+        Corruption(
+            f"the {name} of a proof changed",
+            "a delivered package has the proof of its hand-over",
+            gateway=f"UPDATE packages SET proof = json_set(proof, '$.{name}', {value})"
+            " WHERE delivery_id = :completed",
+        )
+        for name, value in (
+            ("drone_id", "'drn_another'"),
+            ("provider_id", "'prv_another'"),
+            ("mass_kg", "0.123"),
+            ("load_before_kg", "0.123"),
+            ("load_after_kg", "0.123"),
+            ("position", "json('[-97.5, 29.5]')"),
+        )
+    ),
     Corruption(
         "a proof deleted",
         "a delivered package has the proof of its hand-over",
