@@ -1,7 +1,8 @@
 """Wait until another process has done something, by asking again and again."""
 
+import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 #: Longest wait, in seconds of wall time; generous, because CI machines can be slow.
@@ -28,3 +29,13 @@ def eventually(
         pause_s = min(_GROWTH * pause_s, _LONGEST_PAUSE_S)
     situation = "" if instead is None else f", but {instead()}"
     raise AssertionError(f"{what}: not within {LONGEST_WAIT_S:g} s{situation}")
+
+
+async def asked_until(question: Callable[[], Awaitable[Any]]) -> Any:
+    """The first true answer to an asynchronous question to other processes."""
+    pause_s = _FIRST_PAUSE_S
+    async with asyncio.timeout(LONGEST_WAIT_S):
+        while not (found := await question()):
+            await asyncio.sleep(pause_s)
+            pause_s = min(_GROWTH * pause_s, _LONGEST_PAUSE_S)
+    return found

@@ -1,13 +1,11 @@
 """Two replicas of every service: one registry is killed, and the other one goes on."""
 
-import asyncio
 import json
 import os
 import signal
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import pytest
 from skyway_lab.benchmarks.load.burst import Burst
@@ -21,7 +19,7 @@ from skyway.cli.gateway import GatewayApi, read_keys
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import System, running_system
 from skyway.runtime.signing.fleet_keys import FleetKeys
-from tests.end_to_end.eventually import LONGEST_WAIT_S
+from tests.end_to_end.eventually import LONGEST_WAIT_S, asked_until
 from tests.end_to_end.local_system import TERMINAL
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.long, pytest.mark.integration]
@@ -49,11 +47,11 @@ def folder(tmp_path: Path) -> Iterator[DataFolder]:
 
 
 async def until_ready(api: GatewayApi, key: str, drones: int) -> None:
-    async with asyncio.timeout(LONGEST_WAIT_S):
-        while True:
-            fleets = await api.call("GET", "/v1/stats/fleets", key=key)
-            if fleets["by_state"].get("AVAILABLE", 0) >= drones:
-                return
+    async def are_ready() -> bool:
+        fleets = await api.call("GET", "/v1/stats/fleets", key=key)
+        return bool(fleets["by_state"].get("AVAILABLE", 0) >= drones)
+
+    await asked_until(are_ready)
 
 
 async def start_new_drone(system: System, api: GatewayApi, key: str, city: City) -> None:
@@ -68,16 +66,18 @@ async def start_new_drone(system: System, api: GatewayApi, key: str, city: City)
     system.start_fleet("late agent", file)
 
 
-async def until_over(api: GatewayApi, key: str, delivery_ids: list[str]) -> list[Any]:
+async def until_over(api: GatewayApi, key: str, delivery_ids: list[str]) -> list[str]:
     """The states of these deliveries when all are over."""
-    async with asyncio.timeout(LONGEST_WAIT_S):
-        while True:
-            states = [
-                (await api.call("GET", f"/v1/deliveries/{each}", key=key))["state"]
-                for each in delivery_ids
-            ]
-            if all(state in TERMINAL for state in states):
-                return states
+
+    async def final_states() -> list[str] | None:
+        states = [
+            (await api.call("GET", f"/v1/deliveries/{each}", key=key))["state"]
+            for each in delivery_ids
+        ]
+        return states if all(state in TERMINAL for state in states) else None
+
+    final: list[str] = await asked_until(final_states)
+    return final
 
 
 async def test_deliveries_and_new_drones_go_on_while_a_registry_is_killed(
