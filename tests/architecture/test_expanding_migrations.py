@@ -15,13 +15,6 @@ import pytest
 ROOT: Final = Path(__file__).parents[2]
 MIGRATIONS: Final = sorted(ROOT.glob("*/skyway_*/migrations/versions/0*.py"))
 
-#: Migrations that take away something or ask more of older code, and why that is no harm. A new
-#: one is not added here: it says `oldest_code`, the newest revision that the code before it needs.
-BEFORE_THE_FIRST_RELEASE: Final = {
-    "skyway_composition 0007": "SQLite cannot make a column nullable: the table is made again.",
-    "skyway_provider_registry 0010": "The new check allows one more kind of account.",
-}
-
 _CONTRACTING: Final = {"drop_column", "drop_table", "drop_constraint", "rename_table"}
 _SQL: Final = re.compile(
     r"\bDROP (?:TABLE|COLUMN|CONSTRAINT)\b|\bRENAME\b|\bSET NOT NULL\b|\bALTER COLUMN \w+ TYPE\b"
@@ -80,7 +73,7 @@ def place_of(path: Path) -> str:
 @pytest.mark.parametrize("path", MIGRATIONS, ids=place_of)
 def test_a_migration_only_adds_or_names_the_oldest_code(path: Path) -> None:
     source = path.read_text()
-    if place_of(path) in BEFORE_THE_FIRST_RELEASE or _OLDEST.search(source):
+    if _OLDEST.search(source):
         return
 
     found = list(findings(source))
@@ -94,12 +87,6 @@ def test_the_oldest_code_is_a_revision_of_the_service(path: Path) -> None:
     known = {each.name[:4] for each in path.parent.glob("0*.py")}
 
     assert named is None or (named[1] in known and named[1] <= path.name[:4])
-
-
-def test_every_exception_is_needed() -> None:
-    found = {place_of(path) for path in MIGRATIONS if list(findings(path.read_text()))}
-
-    assert set(BEFORE_THE_FIRST_RELEASE) <= found
 
 
 @pytest.mark.parametrize(

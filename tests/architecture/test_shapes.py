@@ -24,11 +24,14 @@ def tracked(pattern: str) -> list[Path]:
 
 
 def test_no_python_file_is_over_450_lines() -> None:
-    """A test file has all tests of one page or source file; test_house.py allows sources 400."""
+    """A test file has all tests of one page or source file; test_house.py allows sources 400.
+
+    The first migration of a service has all its tables, and is read beside `tables.py` only.
+    """
     too_long = {
         path.relative_to(ROOT): lines
         for path in tracked("*.py")
-        if (lines := len(path.read_text().splitlines())) > 450
+        if "migrations" not in path.parts and (lines := len(path.read_text().splitlines())) > 450
     }
 
     assert not too_long
