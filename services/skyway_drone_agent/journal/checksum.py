@@ -22,7 +22,7 @@ def with_checksum(text: str) -> bytes:
 
 
 def has_checksum(line: bytes) -> bool:
-    """Whether the line ends with a checksum; lines of earlier versions have none."""
+    """Whether the line ends with a checksum; the torn last line of a journal has none."""
     return line[-_LENGTH:].startswith(_NAME) and line.endswith(_END)
 
 

@@ -175,10 +175,9 @@ def _sum_of(content: bytes, *, at_first: Logbook) -> Logbook:
             lines.append(last)
             break
     logbook = at_first
-    are_checked = bool(lines) and has_checksum(lines[0])
     for number, line in enumerate(lines, start=1):
         try:
-            text = without_checksum(line) if are_checked or has_checksum(line) else line
+            text = without_checksum(line)
             if number == 1:
                 logbook = Logbook.read(text)
             else:

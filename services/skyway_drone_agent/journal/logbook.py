@@ -16,7 +16,7 @@ from skyway.contracts.message import FleetMoment, Soc
 from skyway.geo import Position
 from skyway.ids import DeliveryId, MissionId, StationId
 from skyway.json_model import WireModel
-from skyway_drone_agent.journal.records import ACCEPTANCE_SENT_AT, Answer
+from skyway_drone_agent.journal.records import Answer
 from skyway_drone_agent.vehicle import Standing, StepRun
 
 #: Number of ended missions that are remembered, to refuse late revisions of them.
@@ -71,9 +71,7 @@ class CurrentMission(WireModel):
     delivery_id: DeliveryId
     accepted_by: Answer
     expires_at: FleetMoment
-    acceptance_sent_at: FleetMoment | None = Field(
-        default=None, validation_alias=ACCEPTANCE_SENT_AT
-    )
+    acceptance_sent_at: FleetMoment | None = None
     first_step: int
     steps: tuple[FlightStep, ...]
     released_through: int
@@ -131,7 +129,7 @@ class Logbook(WireModel):
     `station_id` is None in the air, and when the drone is down, which means away from every
     station. `faults` are the current faults with an alarm. `state_of_health` is the last estimate
     of the battery's capacity, as a share of the capacity when new. `first_session` is the session
-    in which the journal was begun, 0 in the journal of an older version before its next start.
+    in which the journal was begun, 0 before the first start.
     """
 
     session: int = 0

@@ -1,8 +1,8 @@
 """The lines of a drone's journal, written before the drone acts or answers."""
 
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AliasChoices, Field
+from pydantic import Field
 
 from skyway.contracts.drone_report import DroneEvent, Failsafe, Fault
 from skyway.contracts.flight_step import FlyStep
@@ -11,9 +11,6 @@ from skyway.contracts.message import FleetMoment, Soc
 from skyway.geo import Position
 from skyway.ids import InstructionId, StationId
 from skyway.json_model import WireModel
-
-#: Journals of earlier versions say `told_at`.
-ACCEPTANCE_SENT_AT: Final = AliasChoices("acceptance_sent_at", "told_at")
 
 
 class Answer(WireModel):
@@ -42,7 +39,7 @@ class AcceptanceSent(WireModel):
     """The broker has confirmed the ACCEPTED of the current mission's current revision."""
 
     kind: Literal["TOLD"] = "TOLD"
-    acceptance_sent_at: FleetMoment = Field(validation_alias=ACCEPTANCE_SENT_AT)
+    acceptance_sent_at: FleetMoment
 
 
 class StepBegun(WireModel):

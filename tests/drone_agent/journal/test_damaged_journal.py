@@ -100,16 +100,6 @@ def test_a_missing_line_end_loses_nothing(path: Path) -> None:
         assert FileJournal(path).read(at_first=HOME) == written
 
 
-def test_a_journal_of_an_earlier_version_has_no_checksums(tmp_path: Path) -> None:
-    path = tmp_path / "drn_1.jsonl"
-    lines = (AWAY.model_dump_json(), make_event(1).model_dump_json())
-    path.write_text("".join(f"{line}\n" for line in lines))
-
-    read = FileJournal(path).read(at_first=HOME)
-
-    assert (read.station_id, read.last_event_seq) == ("away", 1)
-
-
 def test_a_line_without_a_checksum_among_others_is_damaged(path: Path) -> None:
     with path.open("a") as file:
         file.write(make_event(4).model_dump_json() + "\n")

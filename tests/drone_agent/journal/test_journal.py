@@ -2,7 +2,7 @@
 
 import contextlib
 import errno
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,12 @@ from skyway_drone_agent.journal.journal import (
     JournalUnwritable,
     MemoryJournal,
 )
-from skyway_drone_agent.journal.logbook import CurrentMission, Logbook
+from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.records import Answer, EventRecorded, InstructionAnswered
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.geo import Position
-from skyway.ids import DeliveryId, DroneId, InstructionId, MissionId, StationId
+from skyway.ids import DroneId, InstructionId, StationId
 
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 HOME = Logbook(station_id=StationId("home"), position=Position(-98.0, 30.0), soc=1.0)
@@ -77,30 +77,6 @@ def test_compacting_changes_nothing_in_the_logbook(journal: Journal) -> None:
     journal.append([make_event(2)])
 
     assert [event.seq for event in journal.read(at_first=HOME).events] == [1, 2]
-
-
-def test_the_acceptance_in_a_journal_of_an_earlier_version_is_read(tmp_path: Path) -> None:
-    mission = CurrentMission(
-        mission_id=MissionId("msn_1"),
-        revision=1,
-        delivery_id=DeliveryId("dlv_1"),
-        accepted_by=make_answer(1).answer,
-        expires_at=NOON,
-        acceptance_sent_at=NOON,
-        first_step=1,
-        steps=(),
-        released_through=0,
-        free_at=NOON,
-    )
-    path = tmp_path / "drn_1.jsonl"
-    earlier = HOME.model_copy(update={"mission": mission}).model_dump_json()
-    sent = '{"kind":"TOLD","told_at":"2026-03-01T12:00:01Z"}'
-    path.write_text(f"{earlier.replace('acceptance_sent_at', 'told_at')}\n{sent}\n")
-
-    read = FileJournal(path).read(at_first=HOME).mission
-
-    assert read is not None
-    assert read.acceptance_sent_at == NOON + timedelta(seconds=1)
 
 
 def test_a_new_journal_begins_as_the_drone_was_enrolled(tmp_path: Path) -> None:
