@@ -147,8 +147,8 @@ packages = Table(
     Column("promised_ms", BigInteger),  # the first ETA of the current attempt
     # By when nine of ten packages should come, known at the booking; null if it was not known.
     Column("promised_p90_ms", BigInteger),
-    # `promised_ms` or `promised_p90_ms`, as the customer asked: lateness counts from it. Null in
-    # rows of an older version.
+    # `promised_ms` or `promised_p90_ms`, as the customer asked: lateness counts from it. Null
+    # before the first promise.
     Column("due_ms", BigInteger),
     Column("eta_ms", BigInteger),
     Column("delivered_ms", BigInteger),
@@ -209,7 +209,7 @@ missions = Table(
     Column("price_amount", BigInteger),  # in minor units of the currency
     Column("currency", Text),
     Column("ended_ms", BigInteger),
-    Column("start_ms", BigInteger),  # as first booked; later revisions start later
+    Column("start_ms", BigInteger, nullable=False),  # as first booked; later revisions start later
     # What the drone did up to its last hand-over, as it reported.
     Column("flight_s", Double),
     Column("waiting_s", Double),

@@ -21,10 +21,12 @@ BREAKS = {
         "DROP INDEX mission_drone",
         (
             "INSERT INTO missions (mission_id, delivery_id, attempt, trip, provider_id, drone_id, "
-            "state, network_id, start_ms, released_ms, expires_ms, body, request, candidate, "
+            "state, network_id, start_ms, served_ms, released_ms, expires_ms, body, request, "
+            "candidate, "
             "report_seq, told, stuck, retry_wall_ms, claimed_by, claimed_until_ms) "
             "SELECT 'msn_x', delivery_id, 2, trip, provider_id, drone_id, "
-            "state, network_id, start_ms, released_ms, expires_ms, body, request, candidate, "
+            "state, network_id, start_ms, served_ms, released_ms, expires_ms, body, request, "
+            "candidate, "
             "report_seq, told, stuck, retry_wall_ms, claimed_by, claimed_until_ms FROM missions"
         ),
     ],

@@ -52,7 +52,6 @@ _LAST: Final = (
     .where(
         packages.c.delivered_ms >= bindparam("since_ms", type_=BigInteger),
         packages.c.promised_ms.is_not(None),
-        missions.c.start_ms.is_not(None),
     )
     .order_by(packages.c.delivered_ms.desc(), packages.c.delivery_id, packages.c.package_id)
     .limit(bindparam("most", type_=Integer))

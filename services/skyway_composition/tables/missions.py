@@ -63,7 +63,7 @@ missions = Table(
     # JSON of skyway.scheduling.stays: where another mission can begin; null where none can.
     Column("stays", Text),
     # The end of the last hand-over. QUEUED missions of a drone do not overlap until then.
-    Column("served_ms", BigInteger),
+    Column("served_ms", BigInteger, nullable=False),
     # The network's version and conditions with which a QUEUED mission was planned.
     Column("planned_version", Integer),
     Column("planned_conditions", BigInteger),
@@ -152,13 +152,13 @@ mission_steps = Table(
     Column("started_ms", BigInteger),
     Column("ended_ms", BigInteger),
     Column("event", Text),  # JSON of DroneEvent: the evidence
-    # For statistics; null in rows of an older version.
-    Column("kind", Text),
+    # For statistics.
+    Column("kind", Text, nullable=False),
     Column("station_id", Text),  # where the drone does the step; null for a flight
     Column("pad", Integer),  # of a RECHARGE
     # For closures: the planned times of every step, and the stations of a FLY.
-    Column("planned_start_ms", BigInteger),
-    Column("planned_end_ms", BigInteger),
+    Column("planned_start_ms", BigInteger, nullable=False),
+    Column("planned_end_ms", BigInteger, nullable=False),
     Column("from_station_id", Text),
     Column("to_station_id", Text),
     Column("lands", Boolean),

@@ -40,8 +40,6 @@ def read_stored_stays(text: str) -> tuple[Stay, ...]:
 
 def _differs_from_plan(row: Any) -> bool:  # a row of missions
     """Whether its stays, or its end of service, are not those of the plan in its body."""
-    if row.served_ms is None:
-        return row.stays is not None  # an older version did not fill these columns
     record = read_record(row)
     if row.served_ms != record.served_ms:
         return True
@@ -110,7 +108,6 @@ CALENDARS: Final = (
                 or_(
                     missions.c.planned_version.is_(None),
                     missions.c.planned_conditions.is_(None),
-                    missions.c.served_ms.is_(None),
                     missions.c.served_ms <= missions.c.start_ms,
                 ),
             ),

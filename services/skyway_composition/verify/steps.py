@@ -56,7 +56,7 @@ def _has_other_columns(mission: SentMission) -> bool:
 
 def _columns_differ(row: Any) -> bool:  # a row of mission_steps
     step = step_json(row)
-    if step is None or row.kind is None:  # an older version did not fill these columns
+    if step is None:
         return False
     kind = step.get("kind")
     is_flight = kind == "FLY"

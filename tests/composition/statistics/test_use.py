@@ -47,6 +47,7 @@ async def add_mission(
         state="COMPLETED",
         network_id="row",
         start_ms=start_ms,
+        served_ms=start_ms,
         released_ms=start_ms,
         expires_ms=start_ms,
         body="{}",
@@ -66,6 +67,8 @@ async def add_mission(
             kind=kind,
             station_id=station_id,
             pad=pad,
+            planned_start_ms=start_ms + round(start * 60_000),
+            planned_end_ms=start_ms + round(end * 60_000),
             started_ms=start_ms + round(start * 60_000),
             ended_ms=start_ms + round(end * 60_000),
         )

@@ -141,8 +141,6 @@ def _time_sums(counted: Counted) -> _Query:
             counted.is_counted,
             deliveries.c.state == "COMPLETED",
             missions.c.state != "REFUSED",
-            # Missions from an older version of the software have no start, and do not count.
-            missions.c.start_ms.is_not(None),
             packages.c.promised_ms.is_not(None),
         )
         .group_by(deliveries.c.delivery_id)

@@ -339,7 +339,7 @@ def upgrade() -> None:
         sa.Column("price_amount", sa.BigInteger(), nullable=True),
         sa.Column("currency", sa.Text(), nullable=True),
         sa.Column("ended_ms", sa.BigInteger(), nullable=True),
-        sa.Column("start_ms", sa.BigInteger(), nullable=True),
+        sa.Column("start_ms", sa.BigInteger(), nullable=False),
         sa.Column("flight_s", sa.Double(), nullable=True),
         sa.Column("waiting_s", sa.Double(), nullable=True),
         sa.Column("recharging_s", sa.Double(), nullable=True),
@@ -466,4 +466,8 @@ def upgrade() -> None:
         sqlite_where=sa.text("state = 'PENDING'"),
         postgresql_where=sa.text("state = 'PENDING'"),
     )
-    # ### end Alembic commands ###
+    # The audit log begins without entries.
+    op.execute(
+        'INSERT INTO audit_head ("only", entries, hash, pruned_entries, pruned_hash) '
+        "VALUES (1, 0, '', 0, '')"
+    )

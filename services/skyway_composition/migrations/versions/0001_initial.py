@@ -289,7 +289,7 @@ def upgrade() -> None:
         sa.Column("retry_wall_ms", sa.BigInteger(), server_default="0", nullable=False),
         sa.Column("next_end_ms", sa.BigInteger(), nullable=True),
         sa.Column("stays", sa.Text(), nullable=True),
-        sa.Column("served_ms", sa.BigInteger(), nullable=True),
+        sa.Column("served_ms", sa.BigInteger(), nullable=False),
         sa.Column("planned_version", sa.Integer(), nullable=True),
         sa.Column("planned_conditions", sa.BigInteger(), nullable=True),
         sa.Column("traceparent", sa.Text(), nullable=True),
@@ -467,11 +467,11 @@ def upgrade() -> None:
         sa.Column("started_ms", sa.BigInteger(), nullable=True),
         sa.Column("ended_ms", sa.BigInteger(), nullable=True),
         sa.Column("event", sa.Text(), nullable=True),
-        sa.Column("kind", sa.Text(), nullable=True),
+        sa.Column("kind", sa.Text(), nullable=False),
         sa.Column("station_id", sa.Text(), nullable=True),
         sa.Column("pad", sa.Integer(), nullable=True),
-        sa.Column("planned_start_ms", sa.BigInteger(), nullable=True),
-        sa.Column("planned_end_ms", sa.BigInteger(), nullable=True),
+        sa.Column("planned_start_ms", sa.BigInteger(), nullable=False),
+        sa.Column("planned_end_ms", sa.BigInteger(), nullable=False),
         sa.Column("from_station_id", sa.Text(), nullable=True),
         sa.Column("to_station_id", sa.Text(), nullable=True),
         sa.Column("lands", sa.Boolean(), nullable=True),
@@ -539,7 +539,6 @@ def upgrade() -> None:
         sqlite_where=sa.text("hold_id IS NOT NULL"),
         postgresql_where=sa.text("hold_id IS NOT NULL"),
     )
-    # ### end Alembic commands ###
 
     is_postgresql = op.get_bind().dialect.name == "postgresql"
     for statement in _POSTGRESQL if is_postgresql else _SQLITE:

@@ -320,4 +320,3 @@ def upgrade() -> None:
         sa.ForeignKeyConstraint(["battery_id"], ["batteries.battery_id"], ondelete="CASCADE"),
         sa.PrimaryKeyConstraint("battery_id", "installed_ms"),
     )
-    # ### end Alembic commands ###

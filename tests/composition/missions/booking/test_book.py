@@ -252,9 +252,10 @@ async def test_the_database_refuses_a_drone_on_two_missions(composition: Any) ->
         await write(
             composition,
             "INSERT INTO missions (mission_id, delivery_id, attempt, trip, provider_id, drone_id, "
-            "state, network_id, start_ms, released_ms, expires_ms, body, request, candidate, "
+            "state, network_id, start_ms, served_ms, released_ms, expires_ms, body, request, "
+            "candidate, "
             "report_seq) SELECT 'other', delivery_id, 2, trip, provider_id, drone_id, 'ACTIVE', "
-            "network_id, start_ms, released_ms, expires_ms, body, request, candidate, 0 "
+            "network_id, start_ms, served_ms, released_ms, expires_ms, body, request, candidate, 0 "
             "FROM missions",
         )
 
