@@ -10,7 +10,7 @@ from skyway.cli.data_folder import DataFolder, DataOption, data_folder, held, ke
 from skyway.errors import SkywayError
 
 #: The delivery shall take about this long on the wall (docs/reference/time.md).
-_WALL_S = 35.0
+_WALL_S = 22.0
 
 
 def demo_command(

@@ -1,11 +1,12 @@
 """/v1/networks/{network_id}/weather: a forecast changes all plans, and bad ones are refused."""
 
 import math
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Any
 
 import pytest
 from pydantic import ValidationError
+from skyway_composition.planning.world import World
 
 from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.weather import ForecastDocument
@@ -111,6 +112,25 @@ async def test_the_same_forecast_changes_nothing_and_a_deleted_forecast_ends(
     assert deleted.status_code == 204
     assert booking.missions[0].weather is None
     assert (await composition(OPERATOR, "GET", PATH)).status_code == 404
+
+
+@_one
+@pytest.mark.parametrize("reserve_risk", [None, 0.05])
+async def test_a_plan_names_a_forecast_until_its_end_and_not_after_it(
+    composition: Any, make: Any, reserve_risk: float | None
+) -> None:
+    await composition.publish(make.network(reserve_risk=reserve_risk))
+    shown = (await put(composition, grid(composition))).json()
+    skyway = await composition.parts.networks.current("row")
+    world = await World.of(skyway, composition.parts.db, after_ms=0)
+    end_ms = moment_to_ms(datetime.fromisoformat(shown["fades_until_at"]))
+
+    last, over = world.weather_note(end_ms - 1), world.weather_note(end_ms)
+    composition.clock.advance(timedelta(days=1))
+    booking = await composition.book()
+
+    assert (last and last.source, over) == ("test", None)
+    assert booking.missions[0].weather is None
 
 
 def grid_of(first: Any, composition: Any) -> dict[str, Any]:

@@ -35,6 +35,7 @@ async def busy(composition: Any) -> Any:
             state=state,
             network_id="row",
             start_ms=now_ms,
+            served_ms=now_ms,
             released_ms=now_ms,
             expires_ms=now_ms,
             body="{}",

@@ -316,13 +316,14 @@ async def test_a_step_that_was_cut_short_is_counted_once(flown: Any) -> None:
         "ended_ms": start_ms + 70 * 60_000,
     }
     await insert(flown, "cut_steps", seq=7, event="{}", **session)
-    await insert(flown, "mission_steps", revision=1, status="ENDED", step="{}", **session)
+    step = {"status": "ENDED", "step": "{}", "planned_start_ms": 0, "planned_end_ms": 0}
+    await insert(flown, "mission_steps", revision=1, **step, **session)
     before = await ask(flown, "pads", to=120)
     async with flown.db.write() as tx:
         replaced = "DELETE FROM mission_steps WHERE mission_id = 'msn_2' AND step_id = 2"
         await tx.execute(text(replaced))
     later = {"started_ms": start_ms + 75 * 60_000, "ended_ms": start_ms + 80 * 60_000}
-    await insert(flown, "mission_steps", revision=2, status="ENDED", step="{}", **session | later)
+    await insert(flown, "mission_steps", revision=2, **step, **session | later)
     after = await ask(flown, "pads", to=120)
 
     assert [one["charging_s"] for one in before["items"]] == [0, 1800.0, 3600.0, 600.0, 0]

@@ -218,3 +218,24 @@ async def test_lifting_a_closure_plans_again_for_missions_without_a_plan(composi
     await composition(OPERATOR, "DELETE", f"/v1/stations/b/closures/{made.json()['closure_id']}")
 
     assert await composition.rows("SELECT retry_wall_ms FROM missions") == [(0,)]
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+async def test_a_closure_that_is_lifted_twice_stays_as_it_was_lifted_first(
+    composition: Any,
+) -> None:
+    await composition.book()
+    made = await composition(OPERATOR, "POST", "/v1/stations/b/closures")
+    path = f"/v1/stations/b/closures/{made.json()['closure_id']}"
+    await composition(OPERATOR, "DELETE", path)
+    lifted = await composition.rows("SELECT lifted_ms FROM closures")
+    async with composition.db.write() as tx:
+        (row,) = await composition.rows("SELECT mission_id FROM missions")
+        await retry_stuck(tx, row.mission_id, at_wall_ms=10**15)
+    composition.clock.advance(timedelta(minutes=1))
+
+    again = await composition(OPERATOR, "DELETE", path)
+
+    assert again.status_code == 204
+    assert await composition.rows("SELECT lifted_ms FROM closures") == lifted
+    assert await composition.rows("SELECT retry_wall_ms FROM missions") == [(10**15,)]
