@@ -18,7 +18,8 @@ class YieldingStandby:
     """The standby at the end of a drone's calendar; another one may be planned for it.
 
     `stays` are where the drone stands after its last hand-over, `pads` all that its mission has
-    reserved. With `is_sent` its drone flies by it, and must accept another one.
+    reserved. With `is_sent` its drone flies by it, and must accept another one. `calendar_version`
+    is the number of the drone's calendar.
     """
 
     mission_id: MissionId
@@ -26,6 +27,7 @@ class YieldingStandby:
     stays: Sequence[Stay]
     pads: Collection[BookedPad]
     is_sent: bool
+    calendar_version: int = 0
 
     def kept_pads(self, *, not_before_ms: int, gap_ms: int) -> tuple[BookedPad, ...]:
         """The pads that the mission needs in any case: until its standby can first change.

@@ -16,6 +16,9 @@ _NO_SESSION: Final = 0
 #: The most streams of one drone that a restored database may lack. Our own choice.
 _MOST_LOST_STREAMS: Final = 1_000
 
+#: The step that a drone flies, and the last step that it may begin by itself; see `DroneState`.
+AtStep = tuple[int | None, int | None]
+
 
 @dataclass(frozen=True, slots=True)
 class InstructionPlace:
@@ -35,7 +38,7 @@ class DroneLink:
     `last_seq` numbers our last instruction in `stream`, 0 before the first. `last_event_seq`
     numbers the last drone event that we have. `acked_stream` is the last stream that the drone
     has confirmed, in its session `acked_session`. `renewed_ms` is when the drone's credentials were
-    renewed last, fleet time.
+    renewed last, fleet time. `calendar_version` is the number of its calendar when this was read.
     """
 
     drone_id: DroneId
@@ -49,6 +52,13 @@ class DroneLink:
     state: DroneState | None = None
     connection: Connection | None = None
     renewed_ms: int | None = None
+    calendar_version: int = 0
+
+    @property
+    def at_step(self) -> AtStep:
+        """The step that the drone has reported last."""
+        state = self.state
+        return (None, None) if state is None else (state.step_id, state.released_through)
 
     @property
     def is_occupied(self) -> bool:

@@ -1,6 +1,6 @@
 """All SQL of links to drones."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, Final
 
 from sqlalchemy import BigInteger, Row, Text, bindparam, case, func, select, update
@@ -36,7 +36,8 @@ _LINKS_OF: Final = (
     .with_for_update()
 )
 _SAVE_LINK: Final = update(drone_links).where(drone_links.c.drone_id == bindparam("of_drone"))
-#: Counts one more instruction to a drone that is not held at `now_ms`, and returns its place.
+#: Counts one more instruction, with a new mission, to a drone that is not held at `now_ms`, and
+#: returns its place.
 COUNT_NEXT: Final = (
     update(drone_links)
     .where(
@@ -47,6 +48,7 @@ COUNT_NEXT: Final = (
         provider_id=bindparam("of_provider"),
         stream=case((drone_links.c.stream < 1, 1), else_=drone_links.c.stream),
         last_seq=drone_links.c.last_seq + 1,
+        calendar_version=drone_links.c.calendar_version + 1,
     )
     .returning(
         drone_links.c.drone_id,
@@ -63,27 +65,28 @@ _STATES: Final = JsonCache(DroneState, most=4_000)
 _CONNECTIONS: Final = JsonCache(Connection, most=4_000)
 
 
-async def lock_link(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> DroneLink:
-    """Lock the link to a drone and return it; the link is created when there is none."""
-    links = await lock_links(tx, [drone_id])
-    if not links:
-        await _begin(tx, drone_id, provider_id)
-        links = await lock_links(tx, [drone_id])
-    return links[drone_id]
+async def lock_or_add_links(
+    tx: Tx, providers: Mapping[DroneId, ProviderId], drone_ids: Collection[DroneId]
+) -> dict[DroneId, DroneLink]:
+    """Lock the links to these drones; a drone in `providers` gets a link if it has none."""
+    links = await lock_links(tx, drone_ids)
+    added = [each for each in sorted(providers) if each not in links]
+    if not added:
+        return links
+    for drone_id in added:
+        await _begin(tx, drone_id, providers[drone_id])
+    return await lock_links(tx, drone_ids)
 
 
 async def claim_next_place(
     tx: Tx, drone_id: DroneId, provider_id: ProviderId, *, now_ms: int
 ) -> InstructionPlace | None:
-    """Lock the link to this provider's drone and claim the place of the next instruction.
+    """Claim the place of the next instruction to this provider's locked drone: a new mission.
 
     Returns None while the drone is held for a customer at `now_ms`, fleet time.
     """
     drone = {"of_drone": drone_id, "of_provider": provider_id, "now_ms": now_ms}
     claimed = (await tx.execute(COUNT_NEXT, drone)).one_or_none()
-    if claimed is None:
-        await _begin(tx, drone_id, provider_id)
-        claimed = (await tx.execute(COUNT_NEXT, drone)).one_or_none()
     return None if claimed is None else InstructionPlace(*claimed)
 
 
@@ -142,10 +145,22 @@ async def save_link(tx: Tx, link: DroneLink) -> None:
     await tx.execute(_SAVE_LINK, {"of_drone": link.drone_id, **_values(link)})
 
 
-def save_last_links(tx: Tx, links: Iterable[DroneLink]) -> None:
-    """Store locked links at the end of a transaction, which reads no links after this."""
-    rows = [{"drone_id": link.drone_id, **_values(link)} for link in links]
-    tx.update_rows(drone_links, {}, rows, key="drone_id")
+def save_last_links(
+    tx: Tx, links: Iterable[DroneLink], *, changed_calendars: Collection[DroneId] = ()
+) -> None:
+    """Store locked links at the end of a transaction, which reads no links after this.
+
+    The numbers of `changed_calendars` are raised.
+    """
+    rows = [
+        {
+            "drone_id": link.drone_id,
+            "calendar_version": int(link.drone_id in changed_calendars),
+            **_values(link),
+        }
+        for link in links
+    ]
+    tx.update_rows(drone_links, {}, rows, key="drone_id", increments=["calendar_version"])
 
 
 def _values(link: DroneLink) -> dict[str, Any]:  # column values of any type
@@ -192,4 +207,5 @@ def _link(row: Row[Any]) -> DroneLink:  # a row of drone_links
         state=None if row.state is None else _STATES.read(row.state),
         connection=None if row.connection is None else _CONNECTIONS.read(row.connection),
         renewed_ms=row.renewed_ms,
+        calendar_version=row.calendar_version,
     )

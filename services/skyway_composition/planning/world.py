@@ -21,13 +21,13 @@ from skyway.planner.compose import DEFAULT_STRATEGY
 from skyway.planner.energy_risk import EnergyRisk
 from skyway.planner.problem import Problem
 from skyway.planner.weather import Weather
-from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.database import Database
 from skyway.scheduling.trip import BookedPad
 from skyway.units import moment_to_ms
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.conditions import Conditions
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
-from skyway_composition.networks.store import Present, share_current
+from skyway_composition.networks.store import Present
 from skyway_composition.pads.pad_snapshot import PadSnapshot
 from skyway_composition.planning.solver_pool import SolverPool
 
@@ -41,7 +41,7 @@ _MOST_BOXES: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """The world of a plan; a transaction that stores the plan must check `still_holds`.
+    """The world of a plan; who stores the plan checks with `calendar.commit` that it still holds.
 
     The database itself checks reservations. In a network with a `reserve_risk` the margins of plans
     depend on `use_deviation`, that of the plan's drone: see `for_drone`.
@@ -219,16 +219,6 @@ def _pads(
         outages=conditions.pad_outages(after_ms),
         gap_ms=round(gap_s * 1000),
     )
-
-
-async def still_holds(tx: Tx, world: World) -> bool:
-    """Whether the network is as planned: nothing was published, closed or lifted since (I11).
-
-    Nothing can change before `tx` ends. Reservations are not checked. A transaction with more
-    locks calls this after it locks the delivery and before it locks drones.
-    """
-    now = await share_current(tx, world.skyway.network_id)
-    return now == (world.skyway.version, world.conditions_version)
 
 
 async def compose_in(solver: SolverPool, world: World, problem: Problem) -> Plan:

@@ -57,6 +57,8 @@ drone_links = Table(
     # The hold that keeps the drone for a customer, and until when: no other booking gets the drone.
     Column("held_by", Text),
     Column("held_until_ms", BigInteger),
+    # The number of its calendar: raised whenever it changes (`calendar.snapshot`).
+    Column("calendar_version", BigInteger, nullable=False, server_default="0"),
     # When the drone's credentials were renewed last; earlier messages may be anybody's.
     Column("renewed_ms", BigInteger),
     CheckConstraint("(held_by IS NULL) = (held_until_ms IS NULL)", name="drone_held"),

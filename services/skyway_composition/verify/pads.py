@@ -249,7 +249,7 @@ async def _without_pads(survey: Survey) -> list[str]:
     return [
         hold_id
         for hold_id, (_, offers) in (await survey.once(_holds)).items()
-        if not any(held.calendars for held in offers)
+        if all(part.opening is None for held in offers for part in held.offer.parts)
         and set(pads_of_offers(offers)) != reserved.get(hold_id, set())
     ]
 

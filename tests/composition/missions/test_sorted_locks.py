@@ -10,7 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from skyway_composition.links.store import lock_link, lock_links
+from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.links.store import lock_links, lock_or_add_links
 from skyway_composition.missions.booking.hold_store import free_drones
 from skyway_composition.missions.booking.store import claim_in_one_statement
 from skyway_composition.missions.mission.store import lock_live
@@ -83,11 +84,11 @@ async def test_a_claim_in_one_statement_locks_stations_in_sorted_order(
     composition: Any, drone: Any
 ) -> None:
     await met(composition, drone)
-    present = Present(NetworkId("row"), 1, 0)
+    seen = Snapshot(Present(NetworkId("row"), 1, 0), {DRONES[0]: 0})
 
     async def claim(tx: Tx) -> None:
         place = await claim_in_one_statement(
-            tx, present, DRONES[0], PROVIDER, station_ids=STATIONS[::-1], now_ms=0
+            tx, seen, DRONES[0], PROVIDER, station_ids=STATIONS[::-1], now_ms=0
         )
         assert place is not None
 
@@ -100,9 +101,11 @@ async def test_the_drones_of_a_hold_are_locked_in_sorted_order(
     composition: Any, drone: Any
 ) -> None:
     await met(composition, drone)
+    async with composition.db.write() as tx:
+        await tx.execute(text("UPDATE drone_links SET held_by = 'hld_1', held_until_ms = 1"))
 
     async def give_up(tx: Tx) -> None:
-        await free_drones(tx, HoldId("hld_1"), before_locking=DRONES[::-1])
+        await free_drones(tx, HoldId("hld_1"))
 
     free = await free_rows_of_a_waiting_lock(
         composition, "drone_links", "drone_id", DRONES, give_up
@@ -168,11 +171,11 @@ async def test_links_of_new_drones_are_added_in_sorted_order(composition: Any, d
     batch = [replace(drone, drone_id=each, stream=0).state() for each in reversed(new)]
 
     async with composition.db.write() as tx:
-        await lock_link(tx, new[0], PROVIDER)
+        await lock_or_add_links(tx, {new[0]: PROVIDER}, new[:1])
         following = asyncio.create_task(composition.receive(*batch))
         await until_a_lock_is_waited_for(composition.db)
         for each in new[1:]:
-            await lock_link(tx, each, PROVIDER)
+            await lock_or_add_links(tx, {each: PROVIDER}, [each])
     await following
 
     links = await composition.rows("SELECT drone_id FROM drone_links WHERE state IS NOT NULL")

@@ -115,6 +115,7 @@ def upgrade() -> None:
         sa.Column("connection", sa.Text(), nullable=True),
         sa.Column("held_by", sa.Text(), nullable=True),
         sa.Column("held_until_ms", sa.BigInteger(), nullable=True),
+        sa.Column("calendar_version", sa.BigInteger(), server_default="0", nullable=False),
         sa.Column("renewed_ms", sa.BigInteger(), nullable=True),
         sa.CheckConstraint("(held_by IS NULL) = (held_until_ms IS NULL)", name="drone_held"),
         sa.PrimaryKeyConstraint("drone_id"),

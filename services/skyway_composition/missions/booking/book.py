@@ -22,13 +22,9 @@ from skyway.runtime.metrics import count, observe
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
+from skyway_composition.calendar.commit import WorldChanged
 from skyway_composition.missions.booking.clear_way import Pause
-from skyway_composition.missions.booking.engage import (
-    WorldChanged,
-    claim,
-    claim_delivery,
-    engage,
-)
+from skyway_composition.missions.booking.engage import claim, claim_delivery, engage
 from skyway_composition.missions.booking.hold_store import (
     HeldOffer,
     find_hold,
@@ -165,12 +161,12 @@ class Bookings:
         held = held_offer(hold, hold_ref.number, now_ms=self._now_ms())
         if held is None or requested.offer is None or not held.keeps(requested.offer):
             return "EXPIRED"
-        engaged = await self.rounds.engaged(held.drone_ids, own_hold=hold_ref.hold_id)
+        now = await self.rounds.calendars(held.drone_ids, own_hold=hold_ref.hold_id)
         loss = hold_loss(
             held,
             request=requested.request,
             present=present,
-            engaged=engaged,
+            now=now,
             now_ms=self._now_ms(),
         )
         if loss is not None:
@@ -211,7 +207,7 @@ class Bookings:
             tx,
             found.offer,
             found.world,
-            engaged=found.engaged,
+            calendars=found.calendars,
             clock=self.clock,
             own_hold=own_hold,
             moves=found.moves,
@@ -266,8 +262,6 @@ class Bookings:
         if earlier is not None:
             return earlier
         mission = await found.join(tx, clock=self.clock, mint=self.mint)
-        if mission is None:
-            raise WorldChanged
         tx.after_commit(self.calendars.set)
         tx.after_commit(_count_shared)
         return Booking(outcome="BOOKED", missions=(mission,))
@@ -292,7 +286,7 @@ def _as_found(held: HeldOffer, world: World, *, delivery_exists: bool) -> FoundO
     return FoundOffer(
         offer=held.offer,
         world=world,
-        engaged=held.calendars,
+        calendars=held.calendars,
         begins_ms=held.starts_ms,
         delivery_exists=delivery_exists,
     )

@@ -1,8 +1,4 @@
-"""Claims what an offer needs, and adds its missions, steps, custody and instructions.
-
-Every transaction locks contended rows in the same order: delivery, hold, network, drones, missions,
-stations.
-"""
+"""Claims what an offer needs, and adds its missions, steps, custody and instructions."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,16 +11,19 @@ from skyway.runtime.sql.database import Tx
 from skyway.runtime.tracing import current_traceparent
 from skyway.scheduling.trip import BookedPad, without
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.calendar.commit import WorldChanged, lock_as_seen
+from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.store import raise_versions
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import InstructionPlace
-from skyway_composition.links.store import claim_next_place, lock_link, lock_links
-from skyway_composition.missions.booking.hold_store import free_drones, free_pads
-from skyway_composition.missions.booking.move_standbys import MovedStandby, move_standbys
-from skyway_composition.missions.booking.store import (
-    booked_missions,
-    claim_in_one_statement,
-    missions_of,
+from skyway_composition.links.store import claim_next_place
+from skyway_composition.missions.booking.hold_store import (
+    drones_of_hold,
+    free_drones,
+    free_pads,
 )
+from skyway_composition.missions.booking.move_standbys import MovedStandby, move_standbys
+from skyway_composition.missions.booking.store import claim_in_one_statement, missions_of
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
@@ -41,14 +40,10 @@ from skyway_composition.missions.mission.step_store import add_steps
 from skyway_composition.missions.mission.unit_of_work import free_from, report_in
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.pads.store import give_way, lock_stations, pads_of_queued, reserve
-from skyway_composition.planning.availability import (
-    BookedMission,
-    hand_over_time_ms,
-    send_ahead_ms,
-)
+from skyway_composition.planning.availability import hand_over_time_ms, send_ahead_ms
 from skyway_composition.planning.offer import Offer, Part
 from skyway_composition.planning.problem_for import margins_of
-from skyway_composition.planning.world import World, still_holds
+from skyway_composition.planning.world import World
 
 
 async def engage(
@@ -166,16 +161,12 @@ async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
         begin_custody(tx, record, rows, at_ms=moment_to_ms(record.mission.start_at))
 
 
-class WorldChanged(Exception):
-    """The world has changed since the offers were planned: they must be planned again."""
-
-
 async def claim(
     tx: Tx,
     offer: Offer,
     world: World,
     *,
-    engaged: Sequence[BookedMission],
+    calendars: Mapping[DroneId, int],
     clock: FleetClock,
     own_hold: HoldId | None = None,
     moves: Sequence[MovedStandby] = (),
@@ -192,12 +183,13 @@ async def claim(
     ------
     WorldChanged
         A network was published, or a closure made or lifted, since the world was read (I11), or
-        the calendar of a drone has changed since `engaged` was read, or a drone is held, or a
-        mission of `moves` has changed.
+        the calendar of a drone has not the number of `calendars` or of its move.
     """
     now_ms = moment_to_ms(clock.now())
     parts = sorted(offer.parts, key=lambda each: each.candidate.drone_id)
-    drones = [*(each.drone_id for each in moves), *(each.candidate.drone_id for each in parts)]
+    providers = {each.candidate.drone_id: each.candidate.provider_id for each in parts}
+    moving = {each.drone_id: each.calendar_version for each in moves}
+    seen = Snapshot(world.present, moving | {each: calendars[each] for each in providers})
     booked = [pad for part in parts for pad in part.trip.booked_pads]
     sent_now = {
         each.candidate.drone_id
@@ -210,7 +202,7 @@ async def claim(
     if tx.dialect == "postgresql" and len(parts) == 1 and is_only_sent:
         place = await claim_in_one_statement(
             tx,
-            world.present,
+            seen,
             first.drone_id,
             first.provider_id,
             station_ids=[each.station_id for each in booked],
@@ -218,33 +210,22 @@ async def claim(
         )
         if place is not None:
             return {first.drone_id: place}
-    if not await still_holds(tx, world):
-        raise WorldChanged
+    own = await drones_of_hold(tx, own_hold)
+    await lock_as_seen(tx, seen, providers=providers, also=own)
     if own_hold is not None:
-        await free_drones(tx, own_hold, before_locking=drones)
-    if moves:
-        # All in one order, before any drone is locked alone.
-        await lock_links(tx, drones)
+        await free_drones(tx, own_hold)
     places = {}
-    for each in (part.candidate for part in parts):
-        if each.drone_id in sent_now:
-            place = await claim_next_place(tx, each.drone_id, each.provider_id, now_ms=now_ms)
-            if place is None:
-                raise WorldChanged
-            places[each.drone_id] = place
-        else:
-            await lock_link(tx, each.drone_id, each.provider_id)
+    for drone_id in sorted(sent_now):
+        place = await claim_next_place(tx, drone_id, providers[drone_id], now_ms=now_ms)
+        if place is None:
+            raise WorldChanged([drone_id])
+        places[drone_id] = place
+    await raise_versions(tx, sorted(seen.calendars.keys() - sent_now))
     await lock_stations(tx, [*booked, *(pad for each in moves for pad in each.pads)])
     if own_hold is not None:
         await free_pads(tx, own_hold)
-    if not await move_standbys(tx, moves, world):
-        raise WorldChanged
-    in_calendars = [
-        each
-        for each in parts
-        if each.opening is not None or each.candidate.drone_id not in sent_now
-    ]
-    await _claim_openings(tx, in_calendars, engaged=engaged, clock=clock)
+    await move_standbys(tx, moves, world)
+    await _make_room(tx, parts, clock=clock)
     return places
 
 
@@ -254,16 +235,8 @@ def _is_sent_now(part: Part, send_by_ms: int) -> bool:
     return is_idle and part.trip.start_ms <= send_by_ms
 
 
-async def _claim_openings(
-    tx: Tx, parts: Sequence[Part], *, engaged: Sequence[BookedMission], clock: FleetClock
-) -> None:
-    """Check that the calendars of locked drones are as they were read, and make room in them."""
-    drone_ids = {part.candidate.drone_id for part in parts}
-    if not drone_ids:
-        return
-    now = await booked_missions(tx.connection, drone_ids, now_ms=moment_to_ms(clock.now()))
-    if set(now) != {each for each in engaged if each.drone_id in drone_ids}:
-        raise WorldChanged
+async def _make_room(tx: Tx, parts: Sequence[Part], *, clock: FleetClock) -> None:
+    """End the standbys after which these parts begin, and free the pads that they need."""
     for part in parts:
         after = None if part.opening is None else part.opening.after
         if after is None:

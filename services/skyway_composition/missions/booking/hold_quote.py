@@ -10,19 +10,20 @@ from datetime import timedelta
 from typing import Final
 
 from skyway.contracts.quote import HOLD_GRACE_S, HoldTerms, QuoteAnswer, QuoteQuery
-from skyway.ids import HoldId
+from skyway.ids import DroneId, HoldId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import Conflict, RowRefused
 from skyway.runtime.sql.database import Database, Tx
 from skyway.scheduling.trip import BookedPad, without
 from skyway.units import moment_to_ms
-from skyway_composition.links.store import lock_link
-from skyway_composition.missions.booking.engage import WorldChanged
+from skyway_composition.calendar.commit import WorldChanged, lock_as_seen
+from skyway_composition.calendar.snapshot import Snapshot
 from skyway_composition.missions.booking.hold_store import (
     HeldOffer,
     Hold,
     add_hold,
     delete_expired,
+    drones_of_hold,
     free_drones,
     free_pads,
     pads_of_drones,
@@ -30,12 +31,11 @@ from skyway_composition.missions.booking.hold_store import (
     slots_of,
 )
 from skyway_composition.missions.booking.rounds import Rounds
-from skyway_composition.missions.booking.store import booked_missions
+from skyway_composition.networks.store import Present
 from skyway_composition.pads.store import lock_stations
-from skyway_composition.planning.availability import BookedMission, start_ms
-from skyway_composition.planning.offer import Offers
+from skyway_composition.planning.availability import start_ms
 from skyway_composition.planning.plan_offers import Quotes, answer_of
-from skyway_composition.planning.world import World, still_holds
+from skyway_composition.planning.world import World
 
 #: At most this many offers of a quote are held, the best first. Our own choice.
 MOST_HELD_OFFERS: Final = 3
@@ -86,15 +86,15 @@ class HeldQuotes:
             start_ms(self.clock, earliest_at=query.request.begins_after),
             start_ms(self.clock, earliest_at=None) + self._fleet_ms(terms.life_s),
         )
-        engaged = await self.rounds.engaged(query.shortlist.drone_ids)
-        offers = await self.quotes.plan(query, world, engaged, begins_ms=begins_ms)
+        calendars = await self.rounds.calendars(query.shortlist.drone_ids)
+        offers = await self.quotes.plan(query, world, calendars.missions, begins_ms=begins_ms)
         if not offers.ranked:
             return answer_of(query, world, offers)
         until_ms = self._now_ms() + self._fleet_ms(terms.life_s + HOLD_GRACE_S)
-        held = _held(offers, world, engaged)
+        held = tuple(HeldOffer.of(each, world.present) for each in offers.ranked[:MOST_HELD_OFFERS])
         try:
             async with self.db.write() as tx:
-                pads = await claim_for_hold(tx, held, world, now_ms=self._now_ms())
+                pads = await claim_for_hold(tx, held, world.present, calendars.versions)
                 slots = await slots_of(tx.connection, terms.customer_id)
                 slot = self._free_slot(slots, terms)
                 hold = Hold(terms.hold_id, until_ms, held)
@@ -129,20 +129,12 @@ class HeldQuotes:
         return round(span.total_seconds() * 1000)
 
 
-def _held(
-    offers: Offers, world: World, engaged: tuple[BookedMission, ...]
-) -> tuple[HeldOffer, ...]:
-    return tuple(
-        HeldOffer.of(each, world, engaged=engaged) for each in offers.ranked[:MOST_HELD_OFFERS]
-    )
-
-
 async def claim_for_hold(
     tx: Tx,
     offers: Sequence[HeldOffer],
-    world: World,
+    present: Present,
+    calendars: Mapping[DroneId, int],
     *,
-    now_ms: int,
     own_hold: HoldId | None = None,
 ) -> tuple[BookedPad, ...]:
     """Lock what these offers need and free `own_hold`; returns the pads to hold.
@@ -152,21 +144,18 @@ async def claim_for_hold(
     Raises
     ------
     WorldChanged
-        A network was published, a closure made or lifted, the calendar of a drone has changed
-        since the offers were planned, or a drone is held at `now_ms`, fleet time.
+        A network was published, a closure made or lifted, or the calendar of a drone has changed,
+        since the offers were planned in `present` and with `calendars`.
     """
-    if not await still_holds(tx, world):
-        raise WorldChanged
     drones = {
-        part.candidate.drone_id: part.candidate for held in offers for part in held.offer.parts
+        part.candidate.drone_id: part.candidate.provider_id
+        for held in offers
+        for part in held.offer.parts
     }
+    seen = Snapshot(present, {each: calendars[each] for each in drones})
+    await lock_as_seen(tx, seen, providers=drones, also=await drones_of_hold(tx, own_hold))
     if own_hold is not None:
-        await free_drones(tx, own_hold, before_locking=drones)
-    for drone_id in sorted(drones):
-        await lock_link(tx, drone_id, drones[drone_id].provider_id)
-    now = await booked_missions(tx.connection, tuple(drones), now_ms=now_ms)
-    if set(now) != {each for held in offers for each in held.calendars}:
-        raise WorldChanged
+        await free_drones(tx, own_hold)
     own_pads = await pads_of_drones(tx.connection, tuple(drones))
     pads = without(pads_of_offers(offers), own_pads)
     await lock_stations(tx, pads)

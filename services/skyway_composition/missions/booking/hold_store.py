@@ -3,12 +3,12 @@
 A hold is stored with its offers: their trips, and what they were planned with.
 """
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Self
 
 from pydantic import TypeAdapter
-from sqlalchemy import BigInteger, Text, bindparam, delete, or_, select, update
+from sqlalchemy import BigInteger, Text, bindparam, delete, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import OfferLimits
@@ -19,10 +19,10 @@ from skyway.json_model import JsonModel
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.scheduling.trip import BookedPad, merged
+from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.missions.booking.store import SeenCalendars
 from skyway_composition.networks.store import Present
-from skyway_composition.planning.availability import BookedMission
 from skyway_composition.planning.offer import Offer
-from skyway_composition.planning.world import World
 from skyway_composition.tables import drone_links, missions, offer_holds, pad_reservations
 
 _THIS: Final = offer_holds.c.hold_id == bindparam("this_hold")
@@ -36,12 +36,15 @@ _IS_HELD_BY: Final = drone_links.c.held_by == bindparam("this_hold")
 # Drones are locked in the order of their ids, as every booking does.
 _LOCK_DRONES: Final = (
     select(drone_links.c.drone_id)
-    .where(or_(_IS_HELD_BY, in_list(drone_links.c.drone_id, "drone_ids")))
+    .where(_IS_HELD_BY)
     .order_by(drone_links.c.drone_id)
     .with_for_update()
 )
+_DRONES: Final = select(drone_links.c.drone_id).where(_IS_HELD_BY)
 _FREE_DRONES: Final = (
-    update(drone_links).where(_IS_HELD_BY).values(held_by=None, held_until_ms=None)
+    update(drone_links)
+    .where(_IS_HELD_BY)
+    .values(held_by=None, held_until_ms=None, calendar_version=drone_links.c.calendar_version + 1)
 )
 _MARK_DRONES: Final = (
     update(drone_links)
@@ -49,7 +52,9 @@ _MARK_DRONES: Final = (
     .values(
         held_by=bindparam("this_hold", type_=Text),
         held_until_ms=bindparam("until_ms", type_=BigInteger),
+        calendar_version=drone_links.c.calendar_version + 1,
     )
+    .returning(drone_links.c.drone_id, drone_links.c.calendar_version)
 )
 _EXTEND: Final = (
     update(offer_holds).where(_THIS).values(until_ms=bindparam("to_ms", type_=BigInteger)),
@@ -73,30 +78,37 @@ _OWN_PADS: Final = (
 
 
 class HeldOffer(JsonModel):
-    """An offer whose drones and pads are held, the network, and the drones' calendars then."""
+    """An offer whose drones and pads are held, and the world with which it was planned.
+
+    `calendars` are the numbers of the drones' calendars when the hold began.
+    """
 
     network_id: NetworkId
     version: int
     conditions: int
     offer: Offer
-    calendars: tuple[BookedMission, ...]
+    calendars: Mapping[DroneId, int]
 
     @classmethod
-    def of(cls, offer: Offer, world: World, *, engaged: Iterable[BookedMission]) -> Self:
-        """The offer as it was planned in this world, with the calendars as read before."""
-        drone_ids = {part.candidate.drone_id for part in offer.parts}
+    def of(cls, offer: Offer, present: Present) -> Self:
+        """The offer as it was planned in this network, before its drones are held."""
         return cls(
-            network_id=world.present.network_id,
-            version=world.present.version,
-            conditions=world.present.conditions,
+            network_id=present.network_id,
+            version=present.version,
+            conditions=present.conditions,
             offer=offer,
-            calendars=tuple(each for each in engaged if each.drone_id in drone_ids),
+            calendars={},
         )
 
+    def held_with(self, calendars: Mapping[DroneId, int]) -> Self:
+        """The offer after its drones were held; `calendars` are their numbers since then."""
+        own = {each: calendars[each] for each in self.drone_ids}
+        return self.model_copy(update={"calendars": own})
+
     @property
-    def present(self) -> Present:
-        """Version and conditions of the network with which the offer was planned."""
-        return Present(self.network_id, self.version, self.conditions)
+    def seen(self) -> Snapshot:
+        """What a booking of the offer depends on."""
+        return Snapshot(Present(self.network_id, self.version, self.conditions), self.calendars)
 
     @property
     def drone_ids(self) -> tuple[DroneId, ...]:
@@ -157,23 +169,22 @@ def hold_loss(
     *,
     request: DeliveryRequest,
     present: Present,
-    engaged: Iterable[BookedMission],
+    now: SeenCalendars,
     now_ms: int,
 ) -> HoldLoss | None:
     """Why a held offer cannot be booked as it was planned; None if it can.
 
-    `engaged` are the present calendars of its drones, `now_ms` is fleet time.
+    `now` are the present calendars of its drones, `now_ms` is fleet time.
     """
     if held is None or held.starts_ms < now_ms:
         return "EXPIRED"
-    if held.present != present:
+    if held.seen.present != present:
         return "NETWORK_CHANGED"
     if held.package_ids != {each.package_id for each in request.packages}:
         return "REQUEST_CHANGED"
-    engaged = frozenset(engaged)
-    if engaged == frozenset(held.calendars):
+    if now.versions == held.calendars:
         return None
-    is_occupied = any(each.mission_id is None for each in engaged)
+    is_occupied = any(each.mission_id is None for each in now.missions)
     return "DRONE_NOT_FREE" if is_occupied else "CALENDAR_CHANGED"
 
 
@@ -202,18 +213,20 @@ async def add_hold(
     The transaction's end raises `RowRefused`: `pad_taken` when a pad is reserved for some of the
     time, `hold_slot` when another hold of the customer has the slot.
     """
+    drone_ids = sorted({each for offer in hold.offers for each in offer.drone_ids})
+    marked = await tx.execute(
+        _MARK_DRONES,
+        {"drone_ids": drone_ids, "this_hold": hold.hold_id, "until_ms": hold.until_ms},
+    )
+    calendars = {row.drone_id: row.calendar_version for row in marked}
+    offers = tuple(each.held_with(calendars) for each in hold.offers)
     row = {
         "hold_id": hold.hold_id,
         "customer_id": customer_id,
         "slot": slot,
         "until_ms": hold.until_ms,
-        "offers": HELD_OFFERS.dump_json(hold.offers).decode(),
+        "offers": HELD_OFFERS.dump_json(offers).decode(),
     }
-    drone_ids = sorted({each for offer in hold.offers for each in offer.drone_ids})
-    await tx.execute(
-        _MARK_DRONES,
-        {"drone_ids": drone_ids, "this_hold": hold.hold_id, "until_ms": hold.until_ms},
-    )
     tx.add(offer_holds, [row])
     tx.add(
         pad_reservations,
@@ -237,14 +250,19 @@ async def extend_hold(tx: Tx, hold_id: HoldId, *, until_ms: int) -> None:
         await tx.execute(statement, {"this_hold": hold_id, "to_ms": until_ms})
 
 
-async def free_drones(tx: Tx, hold_id: HoldId, *, before_locking: Collection[DroneId] = ()) -> None:
+async def drones_of_hold(tx: Tx, hold_id: HoldId | None) -> Sequence[DroneId]:
+    """The drones that a locked hold keeps; none without a hold."""
+    if hold_id is None:
+        return ()
+    return (await tx.execute(_DRONES, {"this_hold": hold_id})).scalars().all()
+
+
+async def free_drones(tx: Tx, hold_id: HoldId) -> None:
     """Give up the drones of a locked hold; its pads must follow, after their stations are locked.
 
-    The transaction may lock the drones `before_locking` after this: they are locked here, with
-    those of the hold, in the order of their ids.
+    A transaction that locks other drones too has locked those of the hold with them.
     """
-    values = {"this_hold": hold_id, "drone_ids": sorted(before_locking)}
-    await tx.execute(_LOCK_DRONES, values)
+    await tx.execute(_LOCK_DRONES, {"this_hold": hold_id})
     await tx.execute(_FREE_DRONES, {"this_hold": hold_id})
 
 

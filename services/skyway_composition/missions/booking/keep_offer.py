@@ -117,12 +117,12 @@ class OfferKeeper:
             return "EXPIRED"
         if not _are_candidates(held, asked.shortlist.drone_ids):
             return "DRONE_NOT_FREE"
-        engaged = await self.rounds.engaged(held.drone_ids, own_hold=accepted.hold_id)
+        now = await self.rounds.calendars(held.drone_ids, own_hold=accepted.hold_id)
         loss = hold_loss(
             held,
             request=asked.request,
             present=seen.around,
-            engaged=engaged,
+            now=now,
             now_ms=self._now_ms(),
         )
         if loss is not None:
@@ -138,12 +138,12 @@ class OfferKeeper:
     async def _hold(
         self, asked: KeepOffer, tx: Tx, found: FoundOffer, *, own_hold: HoldId
     ) -> OfferHold:
-        held = HeldOffer.of(found.offer, found.world, engaged=found.engaged)
+        held = HeldOffer.of(found.offer, found.world.present)
         hold = Hold(own_hold, self._until_ms(), (held,))
         # The hold is locked first, in the same order as when a hold is deleted.
         await lock_hold(tx, own_hold)
         pads = await claim_for_hold(
-            tx, [held], found.world, now_ms=self._now_ms(), own_hold=own_hold
+            tx, [held], found.world.present, found.calendars, own_hold=own_hold
         )
         await add_hold(tx, hold, customer_id=asked.customer_id, slot=None, pads=pads)
         return OfferHold(hold_id=own_hold, number=0)

@@ -13,18 +13,22 @@ from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.release_pads import restore_pads
 from skyway_composition.missions.mission.standby import standby_steps, with_standby_of
 from skyway_composition.missions.mission.step_store import replace_steps, steps_of
-from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.pads.store import hold
 from skyway_composition.planning.world import World
 
 
 @dataclass(frozen=True, slots=True)
 class MovedStandby:
-    """A QUEUED mission as it was read, and its trip with another standby."""
+    """A QUEUED mission as it was read, the last of its drone, and its trip with another standby."""
 
     standby: YieldingStandby
     record: MissionRecord
     trip: Trip
+
+    @property
+    def calendar_version(self) -> int:
+        """The number of its drone's calendar when the standby was found."""
+        return self.standby.calendar_version
 
     @property
     def drone_id(self) -> DroneId:
@@ -37,10 +41,10 @@ class MovedStandby:
         return (*self.standby.pads, *self.trip.booked_pads)
 
 
-async def move_standbys(tx: Tx, moves: Iterable[MovedStandby], world: World) -> bool:
-    """Give these missions their new standbys; False if one has changed since it was read.
+async def move_standbys(tx: Tx, moves: Iterable[MovedStandby], world: World) -> None:
+    """Give these missions their new standbys.
 
-    The links of their drones and the stations of their pads are locked.
+    The links of their drones, with unchanged calendars, and the stations of their pads are locked.
 
     Raises
     ------
@@ -48,11 +52,7 @@ async def move_standbys(tx: Tx, moves: Iterable[MovedStandby], world: World) -> 
         Another mission holds one of the pads.
     """
     for each in moves:
-        queued = await queued_of_drone(tx.connection, each.drone_id)
-        if not queued or queued[-1] != each.record:
-            return False
         await _move(tx, each, world)
-    return True
 
 
 async def _move(tx: Tx, moved: MovedStandby, world: World) -> None:

@@ -7,7 +7,7 @@ of the rows. Then the next best offer is committed, or another round begins.
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Collection, Sequence
+from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
@@ -22,12 +22,12 @@ from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
+from skyway_composition.calendar.commit import WorldChanged
 from skyway_composition.missions.booking.clear_way import Blocked, ClearedWay, Pause, WaySearch
-from skyway_composition.missions.booking.engage import WorldChanged
 from skyway_composition.missions.booking.hold_store import delete_expired
 from skyway_composition.missions.booking.move_standbys import MovedStandby
 from skyway_composition.missions.booking.outcome import all_taken, pickup_unknown, without_offer
-from skyway_composition.missions.booking.store import FirstLook, booked_missions
+from skyway_composition.missions.booking.store import FirstLook, SeenCalendars, seen_calendars
 from skyway_composition.missions.booking.turns import Turn
 from skyway_composition.missions.replanning.give_way import StandbyRequests
 from skyway_composition.networks.prepared import PreparedNetworks
@@ -45,21 +45,19 @@ DoneT = TypeVar("DoneT")
 #: Rounds before the answer is that all drones or pads are taken (docs/reference/booking.md).
 _MOST_ROUNDS: Final = 5
 
-#: The database rule that one drone has one mission. When it refuses, the pads may still be free.
-_DRONE_TAKEN: Final = "mission_drone"
-
 
 @dataclass(frozen=True, slots=True)
 class FoundOffer:
     """The best offer of a round, and what it was planned with.
 
-    `delivery_exists` is False for a delivery that was neither booked nor closed before. QUEUED
-    missions of other drones get the standbys of `moves` in the same transaction.
+    `calendars` are the numbers of the drones' calendars. `delivery_exists` is False for a delivery
+    that was neither booked nor closed before. QUEUED missions of other drones get the standbys of
+    `moves` in the same transaction.
     """
 
     offer: Offer
     world: World
-    engaged: Sequence[BookedMission]
+    calendars: Mapping[DroneId, int]
     begins_ms: int
     delivery_exists: bool
     moves: tuple[MovedStandby, ...] = ()
@@ -135,7 +133,7 @@ class Rounds:
             done, reasons = await self._commit_best(
                 asked,
                 this_round,
-                seen.engaged,
+                seen.calendars,
                 turn,
                 search=search,
                 commit=commit,
@@ -146,13 +144,17 @@ class Rounds:
                 return done
         return all_taken(asked, reasons)
 
-    async def engaged(
+    async def calendars(
         self, drone_ids: Collection[DroneId], *, own_hold: HoldId | None = None
-    ) -> tuple[BookedMission, ...]:
+    ) -> SeenCalendars:
         """The missions of these drones that are not over, or that the drones may still fly."""
         now_ms = moment_to_ms(self.clock.now())
         async with self.db.read() as connection:
-            return await booked_missions(connection, drone_ids, now_ms=now_ms, own_hold=own_hold)
+            return await seen_calendars(connection, drone_ids, now_ms=now_ms, own_hold=own_hold)
+
+    async def engaged(self, drone_ids: Collection[DroneId]) -> tuple[BookedMission, ...]:
+        """The missions of these drones, as `calendars` reads them."""
+        return (await self.calendars(drone_ids)).missions
 
     def _round(
         self,
@@ -185,7 +187,7 @@ class Rounds:
         self,
         asked: BookMissions | KeepOffer,
         this_round: _Round,
-        engaged: Sequence[BookedMission],
+        calendars: SeenCalendars,
         turn: Turn,
         *,
         search: WaySearch,
@@ -197,8 +199,10 @@ class Rounds:
         finder = self._finder(this_round)
         while True:
             # The finder keeps the trips that it has composed.
-            offers = await self._offers(finder, asked, this_round, engaged)
-            way = await self._cleared(asked, this_round, engaged, offers=offers, search=search)
+            offers = await self._offers(finder, asked, this_round, calendars.missions)
+            way = await self._cleared(
+                asked, this_round, calendars.missions, offers=offers, search=search
+            )
             if way is not None and way.offer is None:
                 # Drones have been asked meanwhile: plan with the pads that are free now.
                 this_round = self._round(
@@ -214,7 +218,7 @@ class Rounds:
             found = FoundOffer(
                 offers.ranked[0] if way is None or way.offer is None else way.offer,
                 this_round.world,
-                engaged,
+                calendars.versions,
                 this_round.begins_ms,
                 this_round.delivery_exists,
                 () if way is None else way.moves,
@@ -230,18 +234,16 @@ class Rounds:
                 about = {"delivery_id": turn.order.delivery_id, "by": taken.constraint}
                 log.info("offer taken", extra=about)
                 _count_conflict(taken.constraint)
-                if taken.constraint != _DRONE_TAKEN:
-                    # Every other offer was planned around the same pads. The pads may be those of
-                    # a hold that has expired and is not deleted yet.
-                    await delete_expired(self.db, now_ms=moment_to_ms(self.clock.now()))
-                    return None, offers.reasons
-                now_engaged = await self.engaged(this_round.shortlist.drone_ids, own_hold=own_hold)
-                if set(now_engaged) == set(engaged):
-                    return None, offers.reasons
-                engaged = now_engaged
-            except WorldChanged:
-                _count_conflict("outdated")
+                # Every other offer was planned around the same pads. The pads may be those of a
+                # hold that has expired and is not deleted yet.
+                await delete_expired(self.db, now_ms=moment_to_ms(self.clock.now()))
                 return None, offers.reasons
+            except WorldChanged as changed:
+                _count_conflict("calendar" if changed.drones else "outdated")
+                if not changed.drones:
+                    return None, offers.reasons
+                # The pads may still be free: plan with the calendars as they are now.
+                calendars = await self.calendars(this_round.shortlist.drone_ids, own_hold=own_hold)
 
     def _finder(self, this_round: _Round) -> TripFinder:
         begins_ms, latest_ms = this_round.begins_ms, this_round.limits.latest_ms

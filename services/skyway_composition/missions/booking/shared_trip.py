@@ -13,8 +13,8 @@ from skyway_composition.planning.offer import Offers
 class SharedTrip(Protocol):
     """A trip that a request shares with the waiting mission of another delivery."""
 
-    async def join(self, tx: Tx, *, clock: FleetClock, mint: Mint) -> Mission | None:
-        """Save it; returns the request's mission, or None if anything has changed."""
+    async def join(self, tx: Tx, *, clock: FleetClock, mint: Mint) -> Mission:
+        """Save it; returns the request's mission. `WorldChanged`: it must be planned again."""
 
 
 class SharedTrips(Protocol):

@@ -33,6 +33,7 @@ _YIELDING: Final = (
         missions.c.state,
         missions.c.stays,
         drone_links.c.connection,
+        drone_links.c.calendar_version,
         pad_reservations.c.station_id,
         pad_reservations.c.pad,
         pad_reservations.c.start_ms.label("from_ms"),
@@ -93,6 +94,7 @@ def _standby(rows: Sequence[AnyRow]) -> YieldingStandby:
             BookedPad(StationId(row.station_id), row.pad, row.from_ms, row.until_ms) for row in rows
         ),
         is_sent=mission.state != "QUEUED",
+        calendar_version=mission.calendar_version,
     )
 
 

@@ -2,7 +2,7 @@
 
 import json
 from collections import defaultdict
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -31,6 +31,8 @@ from skyway.planner.pad_book import OPEN_MS
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.scheduling.stays import Slot, read_stays
+from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.store import calendar_versions
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import COUNT_NEXT, HELD, OCCUPIED
 from skyway_composition.missions.mission.row import read_record
@@ -40,6 +42,7 @@ from skyway_composition.pads.store import LOCK_STATIONS
 from skyway_composition.planning.availability import BookedMission
 from skyway_composition.tables import (
     deliveries,
+    drone_links,
     guests,
     is_open,
     is_queued,
@@ -138,6 +141,9 @@ _FIRST_LOOK: Final = union_all(
         stays=_engaged.c.stays,
         candidate=_engaged.c.candidate,
     ),
+    _answer("CALENDAR", drone_links.c.drone_id, large=drone_links.c.calendar_version).where(
+        in_list(drone_links.c.drone_id, "drone_ids")
+    ),
     _answer("NETWORK", networks.c.network_id, networks.c.version, networks.c.conditions)
     .join(stations, stations.c.network_id == networks.c.network_id)
     .where(stations.c.station_id == bindparam("pickup")),
@@ -155,11 +161,22 @@ _world: Final = (
     .with_for_update(read=True)
     .cte("world")
 )
-_counted: Final = COUNT_NEXT.where(exists(select(_world.c.network_id))).cte("counted")
+_counted: Final = COUNT_NEXT.where(
+    exists(select(_world.c.network_id)),
+    drone_links.c.calendar_version == bindparam("of_calendar", type_=BigInteger),
+).cte("counted")
 _locked: Final = LOCK_STATIONS.where(exists(select(_counted.c.drone_id))).cte("locked")
 _CLAIM: Final = select(
     _counted, select(func.count()).select_from(_locked).scalar_subquery().label("stations")
 )
+
+
+@dataclass(frozen=True, slots=True)
+class SeenCalendars:
+    """The calendars of some drones: what is booked in them, and their numbers."""
+
+    missions: tuple[BookedMission, ...]
+    versions: Mapping[DroneId, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +189,7 @@ class FirstLook:
 
     delivery_exists: bool
     booked: tuple[Mission, ...]
-    engaged: tuple[BookedMission, ...]
+    calendars: SeenCalendars
     around: Present | None
 
 
@@ -204,13 +221,15 @@ async def first_look(
     booked: tuple[Mission, ...] = ()
     if answers["BOOKED"]:
         booked = await missions_of(connection, delivery_id, attempt=attempt)
+    engaged = _booked(
+        (drone_id, mission_id, start_ms, stays, candidate)
+        for drone_id, _, start_ms, mission_id, stays, candidate in answers["ENGAGED"]
+    )
+    versions = dict.fromkeys(drone_ids, 0) | {each[0]: each[2] for each in answers["CALENDAR"]}
     return FirstLook(
         delivery_exists=bool(answers["KNOWN"]),
         booked=booked,
-        engaged=_booked(
-            (drone_id, mission_id, start_ms, stays, candidate)
-            for drone_id, _, start_ms, mission_id, stays, candidate in answers["ENGAGED"]
-        ),
+        calendars=SeenCalendars(engaged, versions),
         around=Present(*answers["NETWORK"][0][:3]) if answers["NETWORK"] else None,
     )
 
@@ -227,21 +246,23 @@ async def missions_of(
     return tuple(mission_for(read_record(row), delivery_id) for row in found)
 
 
-async def booked_missions(
+async def seen_calendars(
     connection: AsyncConnection,
     drone_ids: Collection[DroneId],
     *,
     now_ms: int,
     own_hold: HoldId | None = None,
-) -> tuple[BookedMission, ...]:
+) -> SeenCalendars:
     """The missions of these drones that are not over, or that the drones report to fly still.
 
     A drone that has landed away from every station is busy until people have fetched it. A drone
     that is held at `now_ms`, fleet time, is busy until then, unless `own_hold` holds it.
     """
+    # First, because missions may change between the two statements.
+    versions = await calendar_versions(connection, drone_ids)
     values = {"drone_ids": [*drone_ids], "now_ms": now_ms, "own_hold": own_hold or ""}
     found = await connection.execute(_ENGAGED, values)
-    return _booked((*row,) for row in found)
+    return SeenCalendars(_booked((*row,) for row in found), versions)
 
 
 def _booked(
@@ -269,7 +290,7 @@ def _start(candidate: str, start_ms: int) -> Slot:
 
 async def claim_in_one_statement(
     tx: Tx,
-    present: Present,
+    seen: Snapshot,
     drone_id: DroneId,
     provider_id: ProviderId,
     *,
@@ -279,14 +300,16 @@ async def claim_in_one_statement(
     """The place of the next instruction to a drone, in an unchanged network.
 
     Locks the network, the drone's link and the stations, in this order. Returns None and does
-    nothing when the network has changed, the drone has no link yet, or it is held at `now_ms`. One
-    statement, for PostgreSQL only; SQLite needs several.
+    nothing when the network or the drone's calendar has changed, the drone has no link yet, or it
+    is held at `now_ms`. One statement, for PostgreSQL only; SQLite needs several.
     """
+    present = seen.present
     values = {
         "of_network": present.network_id,
         "of_version": present.version,
         "of_conditions": present.conditions,
         "of_drone": drone_id,
+        "of_calendar": seen.calendars[drone_id],
         "of_provider": provider_id,
         "station_ids": sorted(set(station_ids)),
         "now_ms": now_ms,

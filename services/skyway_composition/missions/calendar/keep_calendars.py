@@ -19,6 +19,8 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.scheduling.stays import Slot
 from skyway.units import moment_to_ms
+from skyway_composition.calendar.commit import WorldChanged
+from skyway_composition.calendar.snapshot import Snapshot
 from skyway_composition.missions.calendar import store
 from skyway_composition.missions.calendar.move_queued import (
     drop,
@@ -46,7 +48,7 @@ from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetwor
 from skyway_composition.networks.store import share_current
 from skyway_composition.planning.availability import hand_over_time_ms, send_ahead_ms
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.world import World, still_holds
+from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
 
@@ -69,12 +71,9 @@ class _Calendar:
     """A drone's live mission and its QUEUED missions in order, as read in one transaction."""
 
     drone_id: DroneId
+    version: int
     before: MissionRecord | None
     queued: tuple[MissionRecord, ...]
-
-    def is_same(self, other: "_Calendar") -> bool:
-        """Whether nothing has changed that a plan depends on; reports do not matter."""
-        return self.queued == other.queued and _plan_of(self.before) == _plan_of(other.before)
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,12 +179,13 @@ class Calendars:
         is_hopeless = not changed and self._times().is_overdue(first)
         if not changed and not is_hopeless:
             return False
+        seen = Snapshot(world.present, {calendar.drone_id: calendar.version})
         async with self.db.write() as tx:
-            # I11: the world is checked inside the transaction and cannot change before its end.
-            if not await still_holds(tx, world):
-                return True
-            work = await self._lock(calendar.drone_id, tx)
-            if not calendar.is_same(await _read(work, calendar.drone_id)):
+            try:
+                work = await MissionUnitOfWork.lock_as_seen(
+                    seen, tx=tx, clock=self.clock, mint=self.mint
+                )
+            except WorldChanged:
                 return True
             tx.after_commit(self.dispatches.set)
             if is_hopeless:
@@ -246,7 +246,8 @@ class Calendars:
 
 async def _read(work: MissionUnitOfWork, drone_id: DroneId) -> _Calendar:
     queued = await queued_of_drone(work.tx.connection, drone_id)
-    return _Calendar(drone_id, work.missions.get(drone_id), tuple(queued))
+    version = work.links[drone_id].calendar_version
+    return _Calendar(drone_id, version, work.missions.get(drone_id), tuple(queued))
 
 
 async def _apply(
@@ -266,10 +267,6 @@ async def _apply(
             await move(work, each, skyway, earlier=earlier[mission_id], before=before)
             before.append(mission_id)
     await restore_pads(work.tx, calendar.drone_id)
-
-
-def _plan_of(record: MissionRecord | None) -> MissionRecord | None:
-    return None if record is None else record.without_reports
 
 
 def _planned_in(record: MissionRecord) -> tuple[int, int] | None:

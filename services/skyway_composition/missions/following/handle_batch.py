@@ -29,7 +29,7 @@ from skyway.runtime.tracing import in_trace_of
 from skyway.units import ms_to_moment
 from skyway_composition.links.cached_links import CachedLinks
 from skyway_composition.links.link import DroneLink
-from skyway_composition.links.store import lock_link, renewals_of
+from skyway_composition.links.store import lock_or_add_links, renewals_of
 from skyway_composition.missions.following.handle_ack import handle_ack
 from skyway_composition.missions.following.handle_report import handle_event, handle_state
 from skyway_composition.missions.mission import store
@@ -91,9 +91,8 @@ class ReportHandler:
         self._cached_links.forget(writers)
         async with self._db.write() as tx:
             work = await MissionUnitOfWork.lock(writers, tx=tx, clock=self._clock, mint=self._mint)
-            # In sorted order, as every transaction locks links.
-            for drone_id in sorted(writers.keys() - work.links.keys()):
-                work.links[drone_id] = await lock_link(tx, drone_id, writers[drone_id])
+            if writers.keys() - work.links.keys():
+                work.links |= await lock_or_add_links(tx, writers, writers)
             for received in _without_superseded(batch):
                 record = work.missions.get(DroneId(received.ids[1]))
                 said = received.message.traceparent

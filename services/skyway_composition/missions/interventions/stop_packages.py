@@ -105,7 +105,7 @@ async def release_queued(
     left = len(record.request.packages) - len(own)
     if left and record.shares:
         await work.save(await _left_out_of(work, record, own))
-        await store.plan_queue_again(work.tx, record.drone_id)
+        await work.plan_queue_again(record.drone_id)
     elif left:
         detail = f"planned again for the other {left} packages: {reason}"
         await ending.refuse(work, record, code=code, detail=detail)

@@ -182,10 +182,16 @@ class MissionRecord:
         return shared or (self.mission.delivery_id,)
 
     @property
-    def without_reports(self) -> "MissionRecord":
-        """The record without the values that change with each report."""
+    def in_calendar(self) -> "MissionRecord | None":
+        """What other plans for the drone depend on: not the reports, and not how far it has come.
+
+        None for a mission that is over.
+        """
+        if not self.is_live and self.mission.state != "QUEUED":
+            return None
         shares = tuple(each.model_copy(update={"report_seq": 0}) for each in self.shares)
-        return replace(self, report_seq=0, reported_activity=None, shares=shares)
+        same = self.moved_to("ACTIVE") if self.is_live else self
+        return replace(same, report_seq=0, reported_activity=None, shares=shares)
 
     @property
     def is_live(self) -> bool:

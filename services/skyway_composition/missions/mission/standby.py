@@ -106,7 +106,7 @@ async def shorten_queued(tx: Tx, record: MissionRecord, until_ms: int) -> None:
 async def restore_standby(work: MissionUnitOfWork, left: MissionRecord) -> None:
     """Request a plan with a standby for the mission before one that has left the calendar."""
     if await store.queued_of_drone(work.tx.connection, left.drone_id):
-        await store.plan_queue_again(work.tx, left.drone_id)
+        await work.plan_queue_again(left.drone_id)
         return
     live = work.missions.get(left.drone_id)
     if live is None or live.trouble is not None or live.stuck is not None or not live.stays:
@@ -126,7 +126,7 @@ async def begin_sooner(work: MissionUnitOfWork, drone_id: DroneId) -> None:
         return
     near_ms = moment_to_ms(work.clock.now()) + send_ahead_ms(work.clock)
     if first.start.at_ms > max(near_ms, first.earliest_ms + WORTH_MS):
-        await store.plan_queue_again(work.tx, drone_id)
+        await work.plan_queue_again(drone_id)
 
 
 def _has_ended_early(live: MissionRecord) -> bool:

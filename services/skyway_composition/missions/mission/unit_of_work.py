@@ -20,6 +20,9 @@ from skyway.runtime.sql.database import Tx
 from skyway.runtime.tracing import in_trace_of
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition import alarm_store
+from skyway_composition.calendar.commit import lock_as_seen
+from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.store import raise_versions
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_links, save_last_links
@@ -53,6 +56,9 @@ class MissionUnitOfWork:
     custody: LiveCustody = field(init=False)
     _staged_links: set[DroneId] = field(default_factory=set)
     _staged_missions: set[DroneId] = field(default_factory=set)
+    _staged_calendars: set[DroneId] = field(default_factory=set)
+    #: The drones whose calendars have a new number already.
+    _raised: set[DroneId] = field(default_factory=set)
     _answered: list[InstructionId] = field(default_factory=list)
     #: The alarms that each mission's state kept open when it was read or saved last.
     _alarming: dict[MissionId, frozenset[str]] = field(default_factory=dict)
@@ -71,6 +77,18 @@ class MissionUnitOfWork:
         links = await lock_links(tx, drone_ids)
         return cls(tx, clock, mint, links, await store.lock_live(tx, drone_ids))
 
+    @classmethod
+    async def lock_as_seen(cls, seen: Snapshot, *, tx: Tx, clock: FleetClock, mint: Mint) -> Self:
+        """Lock the network and the drones of a snapshot.
+
+        Raises
+        ------
+        WorldChanged
+            Something that was planned with has changed since.
+        """
+        links = await lock_as_seen(tx, seen)
+        return cls(tx, clock, mint, links, await store.lock_live(tx, seen.calendars))
+
     @property
     def courier(self) -> Courier:
         """The sender of instructions to these drones."""
@@ -82,12 +100,17 @@ class MissionUnitOfWork:
 
     def stage_link(self, link: DroneLink) -> None:
         """Stage a changed link; `save_staged` saves it."""
-        if link != self.links[link.drone_id]:
+        before = self.links[link.drone_id]
+        if link != before:
             self.links[link.drone_id] = link
             self._staged_links.add(link.drone_id)
+        if link.is_occupied != before.is_occupied:
+            self._staged_calendars.add(link.drone_id)
 
     def stage(self, record: MissionRecord) -> None:
         """Stage a changed live mission; `save_staged` saves it."""
+        if self.missions[record.drone_id].in_calendar != record.in_calendar:
+            self._staged_calendars.add(record.drone_id)
         self.missions[record.drone_id] = record
         self._staged_missions.add(record.drone_id)
 
@@ -97,13 +120,17 @@ class MissionUnitOfWork:
 
     async def save_staged(self) -> None:
         """Save all staged changes at the end of a transaction, for any number of messages."""
-        save_last_links(self.tx, [self.links[each] for each in sorted(self._staged_links)])
+        changed = self._staged_calendars - self._raised
+        await self.change_calendars(changed - self._staged_links)
+        links = [self.links[each] for each in sorted(self._staged_links)]
+        save_last_links(self.tx, links, changed_calendars=changed)
         staged = [self.missions[each] for each in sorted(self._staged_missions)]
         store.save_last(self.tx, staged, next_ends_ms=await self.steps.next_ends_ms())
         for record in staged:
             await self._end_alarms(record)
         await confirm(self.tx, self._answered)
         self._staged_links.clear()
+        self._staged_calendars.clear()
         self._staged_missions.clear()
         self._answered.clear()
 
@@ -120,7 +147,18 @@ class MissionUnitOfWork:
             self._staged_missions.discard(record.drone_id)
             del self.missions[record.drone_id]
         await store.save_all(self.tx, [record])
+        await self.change_calendars([record.drone_id])
         await self._end_alarms(record)
+
+    async def plan_queue_again(self, drone_id: DroneId) -> None:
+        """Have the QUEUED missions of a drone planned again, because one has left its calendar."""
+        await store.plan_queue_again(self.tx, drone_id)
+        await self.change_calendars([drone_id])
+
+    async def change_calendars(self, drone_ids: Collection[DroneId]) -> None:
+        """Note that these drones have other calendars after this transaction."""
+        await raise_versions(self.tx, sorted({*drone_ids} - self._raised))
+        self._raised.update(drone_ids)
 
     async def _end_alarms(self, record: MissionRecord) -> None:
         """End the alarms that the mission's state no longer keeps open."""

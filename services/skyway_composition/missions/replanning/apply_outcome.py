@@ -15,6 +15,7 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.scheduling.trip import NoTrip
 from skyway.units import NEVER_MS, moment_to_ms
+from skyway_composition.calendar.commit import WorldChanged
 from skyway_composition.links.instruction_store import open_instructions
 from skyway_composition.missions.mission.end import abort, cancel
 from skyway_composition.missions.mission.instruct import hold
@@ -32,7 +33,6 @@ from skyway_composition.missions.replanning.remainder.planner import Remainder
 from skyway_composition.missions.replanning.revision import revision_of
 from skyway_composition.missions.replanning.situation import Situation
 from skyway_composition.missions.replanning.store import put_off, retry_stuck
-from skyway_composition.planning.world import still_holds
 
 log = logging.getLogger(__name__)
 
@@ -65,15 +65,12 @@ class Outcomes:
 
     async def _send(self, tx: Tx, case: Case, anchor: Anchor, remainder: Remainder) -> None:
         """Send this remainder of the mission, unless the world or the mission has changed."""
-        # I11: the world is checked inside the transaction and cannot change before its end.
-        holds = await still_holds(tx, case.world)
-        work = await self._lock(case.record.drone_id, tx)
-        record = work.missions.get(case.record.drone_id)
-        is_late = remainder.trip.start_ms < self._now_ms()
+        work = await self._lock_as_seen(case, tx)
         # After the links: every transaction locks links before missions.
         await retry_stuck(tx, case.record.mission_id, at_wall_ms=0)
-        if record is None or not holds or is_late or not case.is_unchanged(work, record):
+        if work is None or remainder.trip.start_ms < self._now_ms():
             return
+        record = work.missions[case.record.drone_id]
         revision = revision_of(
             record,
             remainder,
@@ -122,10 +119,10 @@ class Outcomes:
     async def stop_diverting(self, case: Case, reason: NoTrip) -> None:
         """Leave the drone held, because it cannot reach the station of its diversion."""
         async with self.db.write() as tx:
-            work = await self._lock(case.record.drone_id, tx)
-            current = work.missions.get(case.record.drone_id)
-            if current is not None and case.is_unchanged(work, current):
-                await stop_diverting(work, current, reason=f"{reason.code}: {reason.detail}")
+            work = await self._lock_as_seen(case, tx)
+            if work is not None:
+                record = work.missions[case.record.drone_id]
+                await stop_diverting(work, record, reason=f"{reason.code}: {reason.detail}")
             await put_off(tx, case.record.mission_id, until_wall_ms=self._retry_wall_ms)
 
     async def give_up(self, planned: MissionRecord, *, code: str, detail: str) -> None:
@@ -140,6 +137,15 @@ class Outcomes:
                 await put_off(tx, record.mission_id, until_wall_ms=self._retry_wall_ms)
                 return
             await give_up(work, record, code=code, detail=detail)
+
+    async def _lock_as_seen(self, case: Case, tx: Tx) -> MissionUnitOfWork | None:
+        """The locked drone of a case; None if anything has changed that its plan depends on."""
+        try:
+            return await MissionUnitOfWork.lock_as_seen(
+                case.seen, tx=tx, clock=self.clock, mint=self.mint
+            )
+        except WorldChanged:
+            return None
 
     async def _lock(self, drone_id: DroneId, tx: Tx) -> MissionUnitOfWork:
         return await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)

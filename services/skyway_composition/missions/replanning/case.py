@@ -7,9 +7,9 @@ from skyway.contracts.instruction import RefusalCode
 from skyway.ids import ClosureId, StationId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.units import moment_to_ms
+from skyway_composition.calendar.snapshot import Snapshot
 from skyway_composition.closures.closure import Closure
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.remainder.anchor import (
     Anchor,
     anchor_of_stuck,
@@ -103,12 +103,15 @@ class Case:
         standing = self.record.candidate.model_copy(update={"station_id": anchor.station_id})
         return self.world.conditions.ground_stop(standing, at_ms=anchor.at_ms)
 
-    def is_unchanged(self, work: MissionUnitOfWork, record: MissionRecord) -> bool:
-        """Whether the mission needs the same plan as before, and its drone is at the same step."""
-        before, now = self.situation.link.state, work.links[record.drone_id].state
-        progress_before = None if before is None else (before.step_id, before.released_through)
-        progress = None if now is None else (now.step_id, now.released_through)
-        return progress == progress_before and _inputs(record) == _inputs(self.record)
+    @property
+    def seen(self) -> Snapshot:
+        """What the plan depends on: also the step at which the drone was."""
+        link = self.situation.link
+        return Snapshot(
+            self.world.present,
+            {link.drone_id: link.calendar_version},
+            {link.drone_id: link.at_step},
+        )
 
 
 def trouble_of(record: MissionRecord) -> Trouble | None:
@@ -161,19 +164,4 @@ def outage_of(record: MissionRecord, *, now_ms: int) -> Closure | None:
         from_ms=now_ms,
         until_ms=occupied.until_ms,
         made_ms=now_ms,
-    )
-
-
-def _inputs(record: MissionRecord) -> tuple[object, ...]:
-    return (
-        record.mission_id,
-        record.mission.revision,
-        # New steps would end a hold that was ordered while they were planned.
-        record.mission.is_held,
-        record.mission.doubt,
-        record.stuck,
-        record.trouble,
-        record.proposal,
-        record.request,
-        record.aims,
     )

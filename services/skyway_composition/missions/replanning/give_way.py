@@ -18,6 +18,7 @@ from skyway.runtime.sql.database import Database
 from skyway.scheduling.giving_way import YieldingStandby
 from skyway.scheduling.trip import BookedPad, Trip
 from skyway.units import moment_to_ms
+from skyway_composition.calendar.commit import WorldChanged
 from skyway_composition.missions.mission.record import GIVE_WAY, Trouble
 from skyway_composition.missions.mission.standby import (
     standby_steps,
@@ -25,7 +26,6 @@ from skyway_composition.missions.mission.standby import (
     with_standby_of,
 )
 from skyway_composition.missions.mission.step_store import StepRecord
-from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.case import Case, may_be_planned
 from skyway_composition.missions.replanning.propose import Revision, propose
@@ -36,7 +36,7 @@ from skyway_composition.missions.replanning.situation import Situation, read_sit
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.world import World, still_holds
+from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
 
@@ -166,21 +166,17 @@ class StandbyRequests:
     async def _propose(self, asked: _Asked) -> bool:
         """Send the revision, unless the world, the mission or its drone's calendar has changed."""
         case = asked.case
-        drone_id = case.record.drone_id
+        if asked.starts_ms < self._now_ms():
+            return False
         try:
             async with self.db.write() as tx:
-                # I11: the world is checked inside the transaction and cannot change before its end.
-                holds = await still_holds(tx, case.world)
-                work = await MissionUnitOfWork.lock(
-                    [drone_id], tx=tx, clock=self.clock, mint=self.mint
+                work = await MissionUnitOfWork.lock_as_seen(
+                    case.seen, tx=tx, clock=self.clock, mint=self.mint
                 )
-                record = work.missions.get(drone_id)
-                is_late = asked.starts_ms < self._now_ms()
-                if record is None or not holds or is_late or not case.is_unchanged(work, record):
-                    return False
-                if await queued_of_drone(tx.connection, drone_id):
-                    return False
+                record = work.missions[case.record.drone_id]
                 await propose(work, record, asked.revision, anchor=asked.anchor, trouble=_WHY)
+        except WorldChanged:
+            return False
         except RowRefused as taken:
             log.info(
                 "pad taken", extra={"mission_id": case.record.mission_id, "by": taken.constraint}

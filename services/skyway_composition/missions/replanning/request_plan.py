@@ -28,6 +28,7 @@ async def request_plans(
     """Request plans for many missions in one statement: a closure may hit hundreds of them."""
     changed = [_with_trouble(work, each, trouble) for each in records]
     await save_troubles(work.tx, changed)
+    await work.change_calendars([each.drone_id for each in changed])
     work.missions.update({record.drone_id: record for record in changed})
 
 

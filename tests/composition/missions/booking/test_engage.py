@@ -6,7 +6,8 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 import pytest
-from skyway_composition.links.store import lock_link, save_link
+from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.links.store import lock_links, save_link
 from skyway_composition.missions.booking.store import claim_in_one_statement
 from skyway_composition.networks.store import Present, lock_version
 from skyway_composition.pads.store import lock_stations
@@ -27,10 +28,15 @@ ROW = NetworkId("row")
 BUMP = update(networks).values(conditions=networks.c.conditions + 1)
 
 
-async def engage_mission(composition: Any, *, version: int = 1) -> Any:
+async def engage_mission(composition: Any, *, version: int = 1, calendar: int = 1) -> Any:
     async with composition.db.write() as tx:
         return await claim_in_one_statement(
-            tx, Present(ROW, version, 0), DRONE, PROVIDER, station_ids=[StationId("a")], now_ms=0
+            tx,
+            Snapshot(Present(ROW, version, 0), {DRONE: calendar}),
+            DRONE,
+            PROVIDER,
+            station_ids=[StationId("a")],
+            now_ms=0,
         )
 
 
@@ -38,7 +44,7 @@ async def engage_mission(composition: Any, *, version: int = 1) -> Any:
 async def link_held(composition: Any) -> AsyncIterator[None]:
     """Another transaction sends the drone one more instruction, and ends with the block."""
     async with composition.db.write() as tx:
-        link = await lock_link(tx, DRONE, PROVIDER)
+        link = (await lock_links(tx, [DRONE]))[DRONE]
         await save_link(tx, link.with_next()[0])
         yield
 
@@ -52,6 +58,12 @@ async def test_nothing_is_claimed_in_another_network_version(composition: Any) -
 
     assert await engage_mission(composition, version=2) is None
     assert (await engage_mission(composition)).seq == 2
+
+
+async def test_nothing_is_claimed_with_an_earlier_calendar(composition: Any) -> None:
+    await composition.book()
+
+    assert await engage_mission(composition, calendar=0) is None
 
 
 async def test_a_claim_that_waited_for_a_link_gets_the_next_number(
@@ -85,7 +97,12 @@ async def test_a_claimed_station_stays_locked_until_the_transaction_ends(composi
 
     async with composition.db.write() as tx:
         await claim_in_one_statement(
-            tx, Present(ROW, 1, 0), DRONE, PROVIDER, station_ids=[StationId("a")], now_ms=0
+            tx,
+            Snapshot(Present(ROW, 1, 0), {DRONE: 1}),
+            DRONE,
+            PROVIDER,
+            station_ids=[StationId("a")],
+            now_ms=0,
         )
         await lock("b")
         waiting = asyncio.create_task(lock("a"))

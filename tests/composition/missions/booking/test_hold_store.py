@@ -6,6 +6,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
+from skyway_composition.calendar.store import calendar_versions
 from skyway_composition.missions.booking.hold_store import (
     HeldOffer,
     Hold,
@@ -15,6 +16,7 @@ from skyway_composition.missions.booking.hold_store import (
     held_offer,
     hold_loss,
 )
+from skyway_composition.missions.booking.store import SeenCalendars
 from skyway_composition.networks.store import Present
 from skyway_composition.planning.availability import BookedMission
 
@@ -44,6 +46,10 @@ def held(hold: Hold) -> HeldOffer:
     return hold.offers[0]
 
 
+def unchanged(held: HeldOffer) -> SeenCalendars:
+    return SeenCalendars((), held.calendars)
+
+
 @pytest.fixture
 def now_ms(composition: Any) -> int:
     return moment_to_ms(composition.clock.now())
@@ -60,7 +66,9 @@ def test_a_hold_has_no_other_offers_than_its_own(hold: Hold, now_ms: int) -> Non
 
 
 def test_an_unchanged_offer_can_be_booked(held: HeldOffer, make: Any, now_ms: int) -> None:
-    loss = hold_loss(held, request=make.request("c"), present=PRESENT, engaged=(), now_ms=now_ms)
+    loss = hold_loss(
+        held, request=make.request("c"), present=PRESENT, now=unchanged(held), now_ms=now_ms
+    )
 
     assert loss is None
 
@@ -68,7 +76,9 @@ def test_an_unchanged_offer_can_be_booked(held: HeldOffer, make: Any, now_ms: in
 def test_an_offer_cannot_be_booked_after_its_planned_start(held: HeldOffer, make: Any) -> None:
     late_ms = held.starts_ms + 1
 
-    loss = hold_loss(held, request=make.request("c"), present=PRESENT, engaged=(), now_ms=late_ms)
+    loss = hold_loss(
+        held, request=make.request("c"), present=PRESENT, now=unchanged(held), now_ms=late_ms
+    )
 
     assert loss == "EXPIRED"
 
@@ -76,7 +86,9 @@ def test_an_offer_cannot_be_booked_after_its_planned_start(held: HeldOffer, make
 def test_a_closure_changes_the_network_of_an_offer(held: HeldOffer, make: Any, now_ms: int) -> None:
     closed = Present(NetworkId("row"), 1, 1)
 
-    loss = hold_loss(held, request=make.request("c"), present=closed, engaged=(), now_ms=now_ms)
+    loss = hold_loss(
+        held, request=make.request("c"), present=closed, now=unchanged(held), now_ms=now_ms
+    )
 
     assert loss == "NETWORK_CHANGED"
 
@@ -86,7 +98,7 @@ def test_a_cancelled_package_changes_the_request_of_an_offer(
 ) -> None:
     request = make.request("c", "c")
 
-    loss = hold_loss(held, request=request, present=PRESENT, engaged=(), now_ms=now_ms)
+    loss = hold_loss(held, request=request, present=PRESENT, now=unchanged(held), now_ms=now_ms)
 
     assert loss == "REQUEST_CHANGED"
 
@@ -97,26 +109,25 @@ def test_a_cancelled_package_changes_the_request_of_an_offer(
 def test_a_mission_that_was_not_there_changes_the_calendar_of_an_offer(
     held: HeldOffer, make: Any, now_ms: int, mission_id: MissionId | None, code: str
 ) -> None:
-    engaged = [BookedMission(DroneId("drn_1"), mission_id, start_ms=now_ms)]
+    missions = (BookedMission(DroneId("drn_1"), mission_id, start_ms=now_ms),)
+    now = SeenCalendars(missions, {DroneId("drn_1"): 1 + held.calendars[DroneId("drn_1")]})
 
-    loss = hold_loss(
-        held, request=make.request("c"), present=PRESENT, engaged=engaged, now_ms=now_ms
-    )
+    loss = hold_loss(held, request=make.request("c"), present=PRESENT, now=now, now_ms=now_ms)
 
     assert loss == code
 
 
-async def test_an_offer_remembers_the_mission_behind_which_it_begins(
+async def test_an_offer_remembers_the_calendar_behind_which_it_begins(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
-    instruction = await begin.accepted(composition, drone, make)
+    await begin.accepted(composition, drone, make)
     await quote(composition, make, hold_id="hld_2")
     async with composition.db.read() as connection:
         found = await find_hold(connection, HoldId("hld_2"))
+        versions = await calendar_versions(connection, [DroneId("drn_1")])
 
     assert found is not None
-    [known] = found.offers[0].calendars
-    assert known.mission_id == instruction.mission_id
+    assert found.offers[0].calendars == versions
     assert found.offers[0].starts_ms > moment_to_ms(
         composition.clock.now() + timedelta(seconds=120)
     )

@@ -7,14 +7,9 @@ from skyway.ids import DroneId, MissionId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
-from skyway_composition.links.store import held_among
+from skyway_composition.calendar.snapshot import Snapshot
 from skyway_composition.missions.calendar.dispatching import store
-from skyway_composition.missions.calendar.dispatching.fleet import (
-    Calendar,
-    Fleet,
-    Moments,
-    calendar_of,
-)
+from skyway_composition.missions.calendar.dispatching.fleet import Calendar, Fleet, Moments
 from skyway_composition.missions.calendar.dispatching.judgement import Judgement
 from skyway_composition.missions.calendar.dispatching.merger import Merge
 from skyway_composition.missions.calendar.move_queued import give_back_pads, move
@@ -23,10 +18,10 @@ from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.release_pads import restore_pads
 from skyway_composition.missions.mission.standby import end_standby_before, restore_standby
 from skyway_composition.missions.mission.step_store import replace_steps
-from skyway_composition.missions.mission.store import queued_of_drone, save_request
+from skyway_composition.missions.mission.store import save_request
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report_left
 from skyway_composition.pads.store import lock_stations
-from skyway_composition.planning.world import World, still_holds
+from skyway_composition.planning.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,26 +44,30 @@ class BetterOrder:
         return next(iter(self.fleet.calendars.values())).candidate.provider_id
 
     @property
+    def seen(self) -> Snapshot:
+        """What the new plans depend on."""
+        calendars = self.fleet.calendars.items()
+        return Snapshot(self.world.present, {key: each.version for key, each in calendars})
+
+    @property
     def first_start_ms(self) -> int:
         """The start of the first mission that gets a new plan."""
         return min(each.record.start.at_ms for moved in self.moved.values() for each in moved)
 
 
-async def adopt(tx: Tx, better: BetterOrder, *, clock: FleetClock, mint: Mint) -> bool:
-    """Save the new plans and report them; False if a calendar or the network has changed.
+async def adopt(tx: Tx, better: BetterOrder, *, clock: FleetClock, mint: Mint) -> None:
+    """Save the new plans and report them.
 
     Raises
     ------
+    WorldChanged
+        A calendar or the network has changed since the plans were made.
     RowRefused
         Another mission, or a held offer, has one of the pads now.
     """
     fleet, drone_ids, times = better.fleet, sorted(better.fleet.calendars), better.times
-    # I11: the world is checked inside the transaction and cannot change before its end.
-    if not await still_holds(tx, better.world):
-        return False
-    work = await MissionUnitOfWork.lock(drone_ids, tx=tx, clock=clock, mint=mint)
-    if not await _is_unchanged(work, fleet, times=times):
-        return False
+    work = await MissionUnitOfWork.lock_as_seen(better.seen, tx=tx, clock=clock, mint=mint)
+    await work.change_calendars(drone_ids)
     all_moved = [each for moved in better.moved.values() for each in moved]
     # All in one order, because each mission locks its own stations later.
     await lock_stations(tx, [pad for each in all_moved for pad in each.trip.booked_pads])
@@ -83,7 +82,6 @@ async def adopt(tx: Tx, better: BetterOrder, *, clock: FleetClock, mint: Mint) -
     for drone_id in drone_ids:
         await restore_pads(tx, drone_id)
         await _restore_standby(work, fleet.calendars[drone_id], better.moved[drone_id])
-    return True
 
 
 async def _end_guests(work: MissionUnitOfWork, merge: Merge) -> None:
@@ -101,22 +99,6 @@ async def _end_guests(work: MissionUnitOfWork, merge: Merge) -> None:
         await replace_steps(tx, guest.mission_id, (), first_step=1, revision=1)
         await store.delete_mission(tx, guest.mission_id)
         store.add_guest(tx, host, shares[guest.mission_id])
-
-
-async def _is_unchanged(work: MissionUnitOfWork, fleet: Fleet, *, times: Moments) -> bool:
-    """Whether each drone has the missions with which it was planned, and is not held."""
-    connection = work.tx.connection
-    if await held_among(connection, [*fleet.calendars], now_ms=times.now_ms):
-        return False
-    for drone_id, seen in fleet.calendars.items():
-        live = work.missions.get(drone_id)
-        own = [*([] if live is None else [live]), *await queued_of_drone(connection, drone_id)]
-        if not own:
-            return False
-        now = calendar_of(own, work.links.get(drone_id), times=times)
-        if now is None or not now.is_same(seen):
-            return False
-    return True
 
 
 async def _save(

@@ -13,6 +13,7 @@ from skyway.runtime.metrics import count, timed
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
+from skyway_composition.calendar.commit import WorldChanged
 from skyway_composition.missions.calendar.dispatching import store
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder, adopt
 from skyway_composition.missions.calendar.dispatching.find_order import OrderFinder
@@ -65,8 +66,7 @@ class Dispatcher:
         judgement = better.judgement
         try:
             async with self.db.write() as tx:
-                if not await adopt(tx, better, clock=self.clock, mint=self.mint):
-                    return "outdated"
+                await adopt(tx, better, clock=self.clock, mint=self.mint)
                 await store.note_better_order(
                     tx,
                     better.provider_id,
@@ -77,6 +77,8 @@ class Dispatcher:
         except RowRefused as taken:
             log.info("a pad of a better order was taken", extra={"by": taken.constraint})
             return "taken"
+        except WorldChanged:
+            return "outdated"
         self.calendars.set()
         about = "seconds by which adopted orders deliver earlier"
         count("skyway_dispatch_saved_seconds", about, max(0.0, judgement.saved_s))

@@ -147,11 +147,11 @@ class OrderFinder:
 
     async def _fleet(self, network_id: NetworkId, provider_id: ProviderId, times: Moments) -> Fleet:
         async with self.db.read() as connection:
-            records = await store.open_missions_of(connection, network_id, provider_id)
-            drone_ids = sorted({each.drone_id for each in records})
+            found = await store.open_missions_of(connection, network_id, provider_id)
+            drone_ids = sorted(found.versions)
             held = await held_among(connection, drone_ids, now_ms=times.now_ms)
             links = await links_to(connection, drone_ids)
-        fleet = fleet_of(records, links, left_out=held, times=times)
+        fleet = fleet_of(found.records, links, versions=found.versions, left_out=held, times=times)
         if not _can_improve(fleet):
             return fleet
         # These drones keep the missions that they have, and get no others.

@@ -38,7 +38,8 @@ class Calendar:
     """A drone's missions that are not over, in order: sent, kept as they are, and waiting.
 
     `waiting` may move. `stays` are those of the last mission before them; an idle drone has none,
-    and is `here`. `candidate` is the drone as one of its missions was booked.
+    and is `here`. `candidate` is the drone as one of its missions was booked. `version` is the
+    number of the calendar.
     """
 
     candidate: Candidate
@@ -47,6 +48,7 @@ class Calendar:
     waiting: tuple[MissionRecord, ...]
     stays: tuple[Stay, ...]
     here: Slot | None
+    version: int
 
     @property
     def drone_id(self) -> DroneId:
@@ -69,10 +71,6 @@ class Calendar:
         if self.here is not None:
             return replace(self.here, at_ms=not_before_ms)
         return slot_after(self.stays, not_before_ms=not_before_ms, hand_over_ms=times.hand_over_ms)
-
-    def is_same(self, other: "Calendar") -> bool:
-        """Whether nothing has changed that a plan depends on; reports do not matter."""
-        return self.queued == other.queued and plan_of(self.live) == plan_of(other.live)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,10 +112,13 @@ def fleet_of(
     records: Iterable[MissionRecord],
     links: Mapping[DroneId, DroneLink],
     *,
+    versions: Mapping[DroneId, int],
     left_out: Collection[DroneId],
     times: Moments,
 ) -> Fleet:
     """The fleet of these open missions, which are sorted by drone and start.
+
+    `versions` are the numbers of the drones' calendars, read together with the missions.
 
     Left out are drones whose calendars cannot be planned now: a mission's plan is in question, or
     a drone without a sent mission is not ready to begin one.
@@ -126,14 +127,16 @@ def fleet_of(
     for drone_id, own in groupby(records, key=lambda each: each.drone_id):
         if drone_id in left_out:
             continue
-        calendar = calendar_of([*own], links.get(drone_id), times=times)
+        calendar = _calendar_of(
+            [*own], links.get(drone_id), version=versions[drone_id], times=times
+        )
         if calendar is not None:
             found[drone_id] = calendar
     return Fleet(found)
 
 
-def calendar_of(
-    own: Sequence[MissionRecord], link: DroneLink | None, *, times: Moments
+def _calendar_of(
+    own: Sequence[MissionRecord], link: DroneLink | None, *, version: int, times: Moments
 ) -> Calendar | None:
     """The calendar of a drone; None if it cannot be planned now."""
     live = next((each for each in own if each.is_live), None)
@@ -151,7 +154,7 @@ def calendar_of(
     if before is not None:
         here = None
     stays = () if before is None else before.stays
-    calendar = Calendar(own[0].candidate, live, kept, waiting, stays, here)
+    calendar = Calendar(own[0].candidate, live, kept, waiting, stays, here, version)
     return None if calendar.slot(not_before_ms=0, times=times) is None else calendar
 
 
@@ -171,8 +174,3 @@ def _standing(link: DroneLink | None, times: Moments) -> Slot | None:
     if state.station_id is None or link.is_gone:
         return None
     return Slot(state.station_id, times.settled_ms, state.soc)
-
-
-def plan_of(record: MissionRecord | None) -> MissionRecord | None:
-    """The record without the values that change with each report."""
-    return None if record is None else record.without_reports

@@ -7,6 +7,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
+from skyway_composition.calendar.commit import WorldChanged
 from skyway_composition.missions.calendar.dispatching import store
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder, adopt
 from skyway_composition.missions.calendar.dispatching.merger import promises_of
@@ -40,20 +41,21 @@ class JoinedTrip:
         waiting = self.better.fleet.waiting
         return next(each for each in waiting if each.mission_id == self.record.mission_id)
 
-    async def join(self, tx: Tx, *, clock: FleetClock, mint: Mint) -> Mission | None:
-        """Save the shared trip; returns the guest's mission, or None if anything has changed.
+    async def join(self, tx: Tx, *, clock: FleetClock, mint: Mint) -> Mission:
+        """Save the shared trip; returns the guest's mission.
 
         The caller has locked or added the guest's delivery.
 
         Raises
         ------
+        WorldChanged
+            The host could start by now, or its drone's calendar or the network has changed.
         RowRefused
             Another mission, or a held offer, has one of the pads now.
         """
         if self.better.first_start_ms < moment_to_ms(clock.now()):
-            return None
-        if not await adopt(tx, self.better, clock=clock, mint=mint):
-            return None
+            raise WorldChanged
+        await adopt(tx, self.better, clock=clock, mint=mint)
         record = self.record
         promised = promises_of(self.host_before)
         new = [each for each in record.mission.packages if each.package_id in self.guest.packages]

@@ -1,9 +1,10 @@
 """All SQL of the dispatcher: what waits in the calendars of a fleet, and what was saved."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import and_, bindparam, delete, or_, select, union_all, update
+from sqlalchemy import ColumnElement, and_, bindparam, delete, or_, select, union_all, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DeliveryId, DroneId, MissionId, NetworkId, ProviderId, StationId
@@ -12,7 +13,14 @@ from skyway.runtime.sql.in_list import in_list
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.row import PROMISED, read_record
 from skyway_composition.missions.mission.share import Share
-from skyway_composition.tables import better_orders, guests, is_live, is_queued, missions
+from skyway_composition.tables import (
+    better_orders,
+    drone_links,
+    guests,
+    is_live,
+    is_queued,
+    missions,
+)
 from skyway_composition.tables.missions import DAY_MS
 
 _WAITING_FLEETS: Final = (
@@ -49,6 +57,17 @@ _HOSTS_AT: Final = (
 _HOSTS: Final = select(missions).where(in_list(missions.c.mission_id, "mission_ids"), is_queued)
 
 
+@dataclass(frozen=True, slots=True)
+class OpenMissions:
+    """Missions that are not over, by drone and start, and the numbers of the drones' calendars.
+
+    A mission that was sent comes before the QUEUED missions of its drone.
+    """
+
+    records: Sequence[MissionRecord]
+    versions: Mapping[DroneId, int]
+
+
 async def waiting_fleets(
     connection: AsyncConnection, *, after_ms: int
 ) -> list[tuple[NetworkId, ProviderId]]:
@@ -59,18 +78,12 @@ async def waiting_fleets(
 
 async def open_missions_of(
     connection: AsyncConnection, network_id: NetworkId, provider_id: ProviderId
-) -> list[MissionRecord]:
-    """The missions of a provider in a network that are not over, by drone and start.
-
-    A mission that was sent comes before the QUEUED missions of its drone.
-    """
+) -> OpenMissions:
+    """The missions of a provider in a network that are not over."""
     is_of_fleet = and_(missions.c.network_id == network_id, missions.c.provider_id == provider_id)
-    found = await connection.execute(
-        select(missions)
-        .where(or_(and_(is_queued, is_of_fleet), and_(is_live, is_of_fleet)))
-        .order_by(missions.c.drone_id, is_queued, missions.c.start_ms)
+    return await _open_missions(
+        connection, or_(and_(is_queued, is_of_fleet), and_(is_live, is_of_fleet))
     )
-    return [read_record(row) for row in found]
 
 
 async def hosts_at(
@@ -109,14 +122,25 @@ async def hosts_at(
     return [found[each] for each in ids if each in found]
 
 
-async def open_missions_on(connection: AsyncConnection, drone_id: DroneId) -> list[MissionRecord]:
-    """The missions of a drone that are not over: a sent one first, then by start."""
-    found = await connection.execute(
-        select(missions)
-        .where(missions.c.drone_id == drone_id, or_(is_queued, is_live))
-        .order_by(is_queued, missions.c.start_ms)
+async def open_missions_on(connection: AsyncConnection, drone_id: DroneId) -> OpenMissions:
+    """The missions of a drone that are not over."""
+    return await _open_missions(
+        connection, and_(missions.c.drone_id == drone_id, or_(is_queued, is_live))
     )
-    return [read_record(row) for row in found]
+
+
+async def _open_missions(connection: AsyncConnection, where: ColumnElement[bool]) -> OpenMissions:
+    """One statement reads the missions and the numbers, so that they belong together."""
+    found = await connection.execute(
+        select(missions, drone_links.c.calendar_version)
+        .join(drone_links, drone_links.c.drone_id == missions.c.drone_id)
+        .where(where)
+        .order_by(missions.c.drone_id, is_queued, missions.c.start_ms)
+    )
+    rows = found.all()
+    return OpenMissions(
+        [read_record(row) for row in rows], {row.drone_id: row.calendar_version for row in rows}
+    )
 
 
 async def save_promises(tx: Tx, record: MissionRecord) -> None:

@@ -365,7 +365,7 @@ async def test_a_kill_before_the_end_of_the_transaction_leaves_the_calendar_whol
             self.joint = await found.find(*asked)
             return self
 
-        async def join(self, tx: Tx, *, clock: FleetClock, mint: Mint) -> Mission | None:
+        async def join(self, tx: Tx, *, clock: FleetClock, mint: Mint) -> Mission:
             assert self.joint is not None
             await self.joint.join(tx, clock=clock, mint=mint)
             raise _KilledError

@@ -3,7 +3,9 @@
 from typing import Any
 
 import numpy as np
-from skyway_composition.planning.world import World, still_holds
+from skyway_composition.calendar.commit import WorldChanged, lock_as_seen
+from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.planning.world import World
 
 OPERATOR = "operator:op"
 FAR_AWAY = {"type": "Polygon", "coordinates": [[[90, 0], [91, 0], [91, 1], [90, 0]]]}
@@ -16,7 +18,11 @@ async def look(composition: Any, **members: Any) -> World:
 
 async def holds(composition: Any, world: World) -> bool:
     async with composition.db.write() as tx:
-        return await still_holds(tx, world)
+        try:
+            await lock_as_seen(tx, Snapshot(world.present, {}))
+        except WorldChanged:
+            return False
+    return True
 
 
 async def test_a_world_holds_while_nothing_changes(composition: Any) -> None:
