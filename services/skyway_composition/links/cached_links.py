@@ -12,15 +12,13 @@ from typing import Any, Final
 
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.ids import DroneId, ProviderId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.mqtt.client import Received
 from skyway_composition.links.link import DroneLink
+from skyway_composition.margins import STATE_IS_STORED
 
 #: The most links in the cache, about 5 KiB each.
 _MOST_CACHED: Final = 10_000
-
-#: An unchanged state is stored after this much wall time at the latest. Our own choice.
-_STORED_EVERY_S: Final = 300.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,5 +105,5 @@ class CachedLinks:
 
     def _is_recent(self, link: DroneLink, state: DroneState) -> bool:
         """Whether the stored state is not much older than this state."""
-        longest = fleet_margin(self._clock, fleet_s=0, wall_s=_STORED_EVERY_S)
+        longest = STATE_IS_STORED.span(self._clock)
         return link.state is not None and abs(state.at - link.state.at) < longest

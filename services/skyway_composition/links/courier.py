@@ -9,7 +9,7 @@ from typing import Final
 from skyway.contracts.instruction import AnyInstruction, ReportInstruction
 from skyway.contracts.topics import INSTRUCTIONS
 from skyway.ids import DroneId, InstructionId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.outbox.outbox_store import confirm
 from skyway.runtime.sql.database import Tx
@@ -24,6 +24,7 @@ from skyway_composition.links.instruction_store import (
     set_status,
 )
 from skyway_composition.links.link import DroneLink, InstructionPlace
+from skyway_composition.margins import INSTRUCTION_LIFE
 
 #: Builds the instruction from the members of its envelope: `functools.partial` of a model.
 Draft = Callable[..., AnyInstruction]
@@ -55,7 +56,7 @@ class Courier:
     @property
     def lifetime(self) -> timedelta:
         """How long an instruction can be begun after it was sent."""
-        return fleet_margin(self.clock, fleet_s=60, wall_s=10)
+        return INSTRUCTION_LIFE.span(self.clock)
 
     async def send(
         self, tx: Tx, link: DroneLink, draft: Draft, *, expires_at: datetime

@@ -16,7 +16,7 @@ from typing import Final
 
 from skyway.contracts.flight_step import PickUpStep
 from skyway.ids import DroneId, NetworkId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
@@ -24,13 +24,20 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition import alarm_store
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.listening import Listening
+from skyway_composition.margins import (
+    ACK_ARRIVES,
+    ANSWER_IS_DOUBTED,
+    REPORT_ARRIVES,
+    SILENCE_IS_DOUBTED,
+    Margin,
+)
 from skyway_composition.missions.interventions.confirm_loading import LoadingFault, refuse_loading
 from skyway_composition.missions.mission.doubt import put_in_doubt
 from skyway_composition.missions.mission.end import abort, refuse
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.store import models_of_missions
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.check_plan import REPORT_DELAY, check_plan
+from skyway_composition.missions.replanning.check_plan import check_plan
 from skyway_composition.missions.timeout_store import (
     UNKNOWN_AFTER_MS,
     UNKNOWN_CODE,
@@ -45,10 +52,6 @@ from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
-
-#: Longest time from the broker's receipt of an ack until it is handled here, wall seconds. After a
-#: longer pause the broker drops the connection of this process, which then asks for events again.
-_ACK_ON_ITS_WAY_S: Final = 10.0
 
 #: The least wall time, in seconds, that a loader has. On a fast clock a program confirms, and its
 #: request and our answer may take longer than half an hour of fleet time. Our own choice.
@@ -68,7 +71,7 @@ class OverdueMissions:
         """Judge the missions of this replica's drones that are overdue now."""
         self.listening.look()
         now = self.clock.now()
-        longest_wait = fleet_margin(self.clock, fleet_s=3_600, wall_s=120)
+        longest_wait = SILENCE_IS_DOUBTED.span(self.clock)
         async with self.db.read() as connection:
             drone_ids = await perhaps_overdue(
                 connection,
@@ -106,7 +109,7 @@ class OverdueMissions:
         now, expired_at = self.clock.now(), ms_to_moment(record.expires_ms)
         if now <= expired_at:
             return
-        ack_due_at = now - self._margin(wall_s=_ACK_ON_ITS_WAY_S)
+        ack_due_at = now - ACK_ARRIVES.span(self.clock)
         sent_at = expired_at - work.courier.lifetime
         has_listened = self.listening.covers(record.drone_id, sent_at, ack_due_at)
         detail = f"the drone did not answer until {expired_at.isoformat()}"
@@ -114,11 +117,8 @@ class OverdueMissions:
             record, link, ack_due_at=ack_due_at, has_listened=has_listened
         ):
             await refuse(work, record, code="NO_ANSWER", detail=detail)
-        elif now > expired_at + self._margin(fleet_s=300, wall_s=30):
+        elif now > expired_at + ANSWER_IS_DOUBTED.span(self.clock):
             await put_in_doubt(work, record, code="NO_ANSWER", detail=detail)
-
-    def _margin(self, *, wall_s: float, fleet_s: float = 0) -> timedelta:
-        return fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s)
 
 
 def _is_silent(record: MissionRecord, link: DroneLink, *, since: datetime) -> bool:
@@ -209,7 +209,7 @@ class LateMissions:
         """Check the missions that are late now."""
         async with self.db.read() as connection:
             # The report about a step that has just ended may still be on its way.
-            ended_at = self.clock.now() - fleet_margin(self.clock, **REPORT_DELAY)
+            ended_at = self.clock.now() - REPORT_ARRIVES.span(self.clock)
             late = await perhaps_late(connection, ended_ms=moment_to_ms(ended_at))
         for network_id, drone_ids in late.items():
             closed = await self._closed(network_id)
@@ -254,7 +254,7 @@ class LoadingTimeouts:
         for each in awaited:
             skyway = await self.networks.current(each.network_id)
             timeout_s = skyway.settings.loading_timeout_s
-            timeout = fleet_margin(self.clock, fleet_s=timeout_s, wall_s=_LEAST_WALL_S)
+            timeout = Margin(timeout_s, _LEAST_WALL_S).span(self.clock)
             # A drone that has started later than this cannot have waited that long.
             if each.start_ms <= moment_to_ms(self.clock.now() - timeout):
                 await self._judge(each, timeout)

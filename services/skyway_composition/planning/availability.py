@@ -10,21 +10,15 @@ from typing import Final, Self
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.qos import QoS
 from skyway.ids import DroneId, MissionId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.scheduling.stays import Slot, Stay, slot_after
 from skyway.units import moment_to_ms
-
-#: Time between the end of a mission and the start of the next one of the same drone, fleet seconds
-#: and wall seconds: the end is reported, and the next mission is sent. Our own choice.
-_HAND_OVER_S: Final = (30.0, 1.5)
-
-#: A mission is sent to its idle drone this long before it begins, fleet seconds and wall seconds.
-#: Until then the drone can fly another mission first. Our own choice.
-_SEND_AHEAD_S: Final = (600.0, 5.0)
-
-#: A mission with `pooling_wait_s` is sent this long before it begins: until then others can join.
-#: Fleet seconds and wall seconds, the longer of both. Our own choice.
-_SEND_WAITING_AHEAD_S: Final = (120.0, 5.0)
+from skyway_composition.margins import (
+    BOOKED_TO_START,
+    HAND_OVER,
+    SENT_AHEAD,
+    SENT_AHEAD_WAITING,
+)
 
 #: A mission is booked at most this far ahead behind others, fleet milliseconds: one day.
 _HORIZON_MS: Final = 24 * 3600 * 1000
@@ -100,7 +94,7 @@ class Availability:
         """The availability after all that is booked, from `begins_ms` on."""
         openings: dict[DroneId, Opening] = {}
         busy: dict[DroneId, int | None] = {}
-        hand_over_ms = hand_over_time_ms(clock)
+        hand_over_ms = HAND_OVER.ms(clock)
         for drone_id, missions in _calendars(booked).items():
             last = missions[-1]
             slot = slot_after(last.stays, not_before_ms=begins_ms, hand_over_ms=hand_over_ms)
@@ -119,7 +113,7 @@ class Availability:
 
         Drones without another gap have no opening, and are to be left out.
         """
-        hand_over_ms = hand_over_time_ms(clock)
+        hand_over_ms = HAND_OVER.ms(clock)
         gaps = {
             drone_id: [*_gaps(missions, begins_ms, hand_over_ms)][:_MOST_GAPS]
             for drone_id, missions in _calendars(booked).items()
@@ -151,18 +145,12 @@ class Availability:
         return None if opening is None else opening.slot
 
 
-def hand_over_time_ms(clock: FleetClock) -> int:
-    """The time between two missions of a drone, fleet milliseconds."""
-    fleet_s, wall_s = _HAND_OVER_S
-    return round(fleet_margin(clock, fleet_s=fleet_s, wall_s=wall_s).total_seconds() * 1000)
-
-
 def start_ms(clock: FleetClock, *, earliest_at: datetime | None, margin_factor: int = 1) -> int:
     """The millisecond at which a mission begins: late enough to plan it and reach the drone.
 
     `margin_factor` multiplies the usual margin.
     """
-    start_at = clock.now() + fleet_margin(clock, fleet_s=60, wall_s=2) * margin_factor
+    start_at = clock.now() + BOOKED_TO_START.span(clock) * margin_factor
     if earliest_at is not None:
         start_at = max(start_at, earliest_at)
     return moment_to_ms(start_at) + 1
@@ -171,8 +159,7 @@ def start_ms(clock: FleetClock, *, earliest_at: datetime | None, margin_factor: 
 def send_ahead_ms(clock: FleetClock, qos: QoS | None = None) -> int:
     """How long before its start a mission is sent to an idle drone, fleet milliseconds."""
     waits = qos is not None and qos.pooling_wait_s > 0
-    fleet_s, wall_s = _SEND_WAITING_AHEAD_S if waits else _SEND_AHEAD_S
-    return round(fleet_margin(clock, fleet_s=fleet_s, wall_s=wall_s).total_seconds() * 1000)
+    return (SENT_AHEAD_WAITING if waits else SENT_AHEAD).ms(clock)
 
 
 def _calendars(booked: Iterable[BookedMission]) -> Mapping[DroneId, Sequence[BookedMission]]:

@@ -4,10 +4,10 @@ from datetime import UTC, datetime
 from typing import Any
 
 import pytest
+from skyway_composition.margins import HAND_OVER
 from skyway_composition.planning.availability import (
     Availability,
     BookedMission,
-    hand_over_time_ms,
 )
 
 from skyway.contracts.shortlist import Shortlist
@@ -47,7 +47,7 @@ def test_a_drone_begins_where_its_last_mission_leaves_it() -> None:
     ("rate", "hand_over_ms"), [(1.0, 30_000), (60.0, 90_000), (600.0, 900_000)]
 )
 def test_the_hand_over_takes_fleet_time_or_wall_time(rate: float, hand_over_ms: int) -> None:
-    assert hand_over_time_ms(a_clock(rate)) == hand_over_ms
+    assert HAND_OVER.ms(a_clock(rate)) == hand_over_ms
     free_ms = BEGINS_MS + DAY_MS // 2
     found = available(last(free_ms=free_ms), rate=rate)
     assert found.openings[DRONE].slot.at_ms == free_ms + hand_over_ms
@@ -61,7 +61,7 @@ def test_a_drone_that_is_free_now_can_still_begin_at_the_earliest_start() -> Non
 
 @pytest.mark.parametrize(("later_ms", "is_busy"), [(0, False), (1, True)])
 def test_a_drone_that_is_free_after_the_horizon_is_busy(later_ms: int, is_busy: bool) -> None:
-    free_ms = BEGINS_MS + DAY_MS - hand_over_time_ms(a_clock()) + later_ms
+    free_ms = BEGINS_MS + DAY_MS - HAND_OVER.ms(a_clock()) + later_ms
 
     found = available(last(free_ms=free_ms))
 

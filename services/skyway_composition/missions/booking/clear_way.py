@@ -8,18 +8,18 @@ a service, never to another standby.
 import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, replace
-from datetime import timedelta
 from typing import Final
 
 from skyway.contracts.mission import BookMissions
 from skyway.contracts.quote import KeepOffer
 from skyway.delivery.plan import Recharge, Wait
 from skyway.ids import MissionId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
 from skyway.scheduling.giving_way import WORTH_MS, YieldingStandby, widened
 from skyway.scheduling.trip import NOTHING_TO_DELIVER, BookedPad, Trip
 from skyway.units import moment_to_ms
+from skyway_composition.margins import GIVES_WAY_LONGER, REACHES
 from skyway_composition.missions.booking.move_standbys import MovedStandby
 from skyway_composition.missions.booking.standby_store import unanswered, yielding_standbys
 from skyway_composition.missions.mission import store
@@ -34,13 +34,6 @@ from skyway_composition.planning.world import World
 #: Bookings behind it wait too. Our own choice.
 _ANSWERS_WITHIN_S: Final = 1.0
 _LOOKS_EVERY_S: Final = 0.05
-
-#: A drone that gives way leaves its pads free for this much longer, because the service begins
-#: later than first planned: fleet seconds, wall seconds. Our own choice.
-_SLACK_S: Final = (60.0, 3.0)
-
-#: A drone can change its standby this long from now: fleet seconds, wall seconds. Our own choice.
-_REACH_S: Final = (5.0, 1.0)
 
 #: A request without an offer or deadline is looked at this far ahead.
 _HORIZON_MS: Final = 24 * 3600 * 1000
@@ -141,7 +134,7 @@ class WaySearch:
             return None
         self._searches += 1
         gap_ms = round(blocked.world.skyway.settings.pad_gap_s * 1000)
-        from_ms = self._now_ms() + self._span_ms(_REACH_S)
+        from_ms = self._now_ms() + REACHES.ms(self.clock)
         kept = {
             each.mission_id: each.kept_pads(not_before_ms=from_ms, gap_ms=gap_ms)
             for each in standbys
@@ -155,7 +148,7 @@ class WaySearch:
         in_the_way = [
             each for each in standbys if each.drone_id not in own and each.is_in_the_way(needed)
         ]
-        free_longer = widened(needed, by_ms=self._span_ms(_SLACK_S))
+        free_longer = widened(needed, by_ms=GIVES_WAY_LONGER.ms(self.clock))
         to_ask = [each for each in in_the_way if each.is_sent]
         if to_ask:
             return await self._ask(to_ask, free_longer)
@@ -216,11 +209,6 @@ class WaySearch:
 
     def _now_ms(self) -> int:
         return moment_to_ms(self.clock.now())
-
-    def _span_ms(self, span: tuple[float, float]) -> int:
-        fleet_s, wall_s = span
-        margin = fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s)
-        return round(margin / timedelta(milliseconds=1))
 
 
 def _served_ms(offer: Offer) -> int:

@@ -17,6 +17,7 @@ from skyway_composition.calendar.store import raise_versions
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import claim_next_place
+from skyway_composition.margins import HAND_OVER
 from skyway_composition.missions.booking.hold_store import (
     drones_of_hold,
     free_drones,
@@ -40,7 +41,7 @@ from skyway_composition.missions.mission.step_store import add_steps
 from skyway_composition.missions.mission.unit_of_work import free_from, report_in
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.pads.store import give_way, lock_stations, pads_of_queued, reserve
-from skyway_composition.planning.availability import hand_over_time_ms, send_ahead_ms
+from skyway_composition.planning.availability import send_ahead_ms
 from skyway_composition.planning.offer import Offer, Part
 from skyway_composition.planning.problem_for import margins_of
 from skyway_composition.planning.world import World
@@ -241,7 +242,7 @@ async def _make_room(tx: Tx, parts: Sequence[Part], *, clock: FleetClock) -> Non
         after = None if part.opening is None else part.opening.after
         if after is None:
             continue
-        await end_standby_before(tx, after, part.trip.start_ms - hand_over_time_ms(clock))
+        await end_standby_before(tx, after, part.trip.start_ms - HAND_OVER.ms(clock))
         # The live mission may need pads of the standby that has just ended, but not those of the
         # new mission: it is the same drone.
         live = await restore_pads(tx, part.candidate.drone_id)

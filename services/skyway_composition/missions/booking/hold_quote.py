@@ -11,13 +11,14 @@ from typing import Final
 
 from skyway.contracts.quote import HOLD_GRACE_S, HoldTerms, QuoteAnswer, QuoteQuery
 from skyway.ids import DroneId, HoldId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, RowRefused
 from skyway.runtime.sql.database import Database, Tx
 from skyway.scheduling.trip import BookedPad, without
 from skyway.units import moment_to_ms
 from skyway_composition.calendar.commit import WorldChanged, lock_as_seen
 from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.margins import Margin
 from skyway_composition.missions.booking.hold_store import (
     HeldOffer,
     Hold,
@@ -125,8 +126,7 @@ class HeldQuotes:
 
     def _fleet_ms(self, wall_s: float) -> int:
         """A span of wall time, in milliseconds of fleet time."""
-        span = fleet_margin(self.clock, fleet_s=0.0, wall_s=wall_s)
-        return round(span.total_seconds() * 1000)
+        return Margin(0.0, wall_s).ms(self.clock)
 
 
 async def claim_for_hold(

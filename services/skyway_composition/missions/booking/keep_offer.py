@@ -7,15 +7,15 @@ itself.
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Final
 
 from skyway.contracts.mission import Booking, OfferHold
 from skyway.contracts.quote import HoldLoss, KeepOffer, KeptOffer
 from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.ids import DeliveryId, DroneId, HoldId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
+from skyway_composition.margins import ACCEPTED_IS_BOOKED
 from skyway_composition.missions.booking.hold_quote import claim_for_hold
 from skyway_composition.missions.booking.hold_store import (
     HeldOffer,
@@ -34,10 +34,6 @@ from skyway_composition.missions.booking.outcome import with_hold_loss
 from skyway_composition.missions.booking.rounds import FoundOffer, Rounds
 from skyway_composition.missions.booking.store import FirstLook, first_look
 from skyway_composition.missions.booking.turns import AskingOrder, Turns
-
-#: How long an accepted offer is held until it is booked, seconds of wall time: the gateway writes
-#: the delivery and books it within a second, or soon after its restart. Our own choice.
-_BOOKED_WITHIN_S: Final = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,9 +148,7 @@ class OfferKeeper:
         return moment_to_ms(self.clock.now())
 
     def _until_ms(self) -> int:
-        return self._now_ms() + round(
-            fleet_margin(self.clock, fleet_s=0.0, wall_s=_BOOKED_WITHIN_S).total_seconds() * 1000
-        )
+        return self._now_ms() + ACCEPTED_IS_BOOKED.ms(self.clock)
 
 
 def _are_candidates(held: HeldOffer, drone_ids: tuple[DroneId, ...]) -> bool:

@@ -12,7 +12,7 @@ from typing import Final
 
 from skyway.delivery.qos import QoS
 from skyway.ids import DroneId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
@@ -21,6 +21,7 @@ from skyway.scheduling.stays import Slot
 from skyway.units import moment_to_ms
 from skyway_composition.calendar.commit import WorldChanged
 from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.margins import HAND_OVER, PLANS_QUEUE, REACHES, WAITS_FOR_DRONE
 from skyway_composition.missions.calendar import store
 from skyway_composition.missions.calendar.move_queued import (
     drop,
@@ -46,17 +47,11 @@ from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
 from skyway_composition.networks.store import share_current
-from skyway_composition.planning.availability import hand_over_time_ms, send_ahead_ms
+from skyway_composition.planning.availability import send_ahead_ms
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
-
-#: Spans for `fleet_margin`, fleet seconds and wall seconds: until an instruction reaches a drone;
-#: the same with the time to plan; and how long a mission waits for its drone. Our own choice.
-_REACH_S: Final = (5.0, 1.0)
-_PLAN_S: Final = (30.0, 2.5)
-_LONGEST_WAIT_S: Final = (600.0, 60.0)
 
 #: A drone's next plan gets this many times the time of its last plan, but at most this many times
 #: the usual time. Our own choice.
@@ -224,23 +219,17 @@ class Calendars:
 
     def _times(self, drone_id: DroneId | None = None) -> Times:
         """The present times; for a drone, with the time that its plans need."""
-        usual_ms, reach_ms = self._ms(_PLAN_S), self._ms(_REACH_S)
+        usual_ms, reach_ms = PLANS_QUEUE.ms(self.clock), REACHES.ms(self.clock)
         took_ms = 0 if drone_id is None else self._last_plan_took_ms.get(drone_id, 0)
         needed_ms = reach_ms + _TIMES_THE_LAST_PLAN * took_ms
         return Times(
             now_ms=moment_to_ms(self.clock.now()),
             reach_ms=reach_ms,
             plan_ms=max(usual_ms, min(needed_ms, _MOST_TIMES_THE_USUAL * usual_ms)),
-            hand_over_ms=hand_over_time_ms(self.clock),
+            hand_over_ms=HAND_OVER.ms(self.clock),
             send_ahead_ms=send_ahead_ms(self.clock),
             send_waiting_ms=send_ahead_ms(self.clock, QoS(pooling=True, pooling_wait_s=1.0)),
-            longest_wait_ms=self._ms(_LONGEST_WAIT_S),
-        )
-
-    def _ms(self, span: tuple[float, float]) -> int:
-        fleet_s, wall_s = span
-        return round(
-            fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s).total_seconds() * 1000
+            longest_wait_ms=WAITS_FOR_DRONE.ms(self.clock),
         )
 
 

@@ -16,9 +16,9 @@ from skyway.scheduling.standby import StandbyChoice, fitted, standby_for
 from skyway.scheduling.stays import Slot, slot_after
 from skyway.scheduling.trip import NoTrip, Trip
 from skyway.units import moment_to_ms
+from skyway_composition.margins import HAND_OVER
 from skyway_composition.missions.mission.from_trip import replanned_in_queue
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
-from skyway_composition.planning.availability import hand_over_time_ms
 from skyway_composition.planning.find_trip import round_trip
 from skyway_composition.planning.problem_for import Standing, delivery_problem, margins_of
 from skyway_composition.planning.solver_pool import SolverPool
@@ -65,7 +65,7 @@ async def plan_queue(
     planned_in = PlannedIn(world.skyway.version, world.conditions_version)
     for record, later in zip_longest(queued, queued[1:]):
         if changed and _keeps_its_plan(record, slot, planned_in):
-            _end_last_standby(changed, record.start.at_ms - hand_over_time_ms(clock))
+            _end_last_standby(changed, record.start.at_ms - HAND_OVER.ms(clock))
             break
         fitting, drone_world = None, world.for_drone(record.candidate.learned)
         try:
@@ -90,7 +90,7 @@ async def plan_queue(
         if isinstance(trip, NoTrip):
             changed.append(Dropped(record, trip))
             continue
-        _end_last_standby(changed, trip.start_ms - hand_over_time_ms(clock))
+        _end_last_standby(changed, trip.start_ms - HAND_OVER.ms(clock))
         moved = replanned_in_queue(
             record,
             trip,
@@ -108,7 +108,7 @@ async def plan_queue(
             moved.stays,
             # Until then the drone may have left the station of its last delivery.
             not_before_ms=0 if later is None else later.earliest_ms,
-            hand_over_ms=hand_over_time_ms(clock),
+            hand_over_ms=HAND_OVER.ms(clock),
         )
         if following is not None:
             slot = following
@@ -143,7 +143,7 @@ async def _trip_before(
 ) -> Trip | None:
     """A trip that ends where and when the next mission begins, so that this one keeps its plan."""
     start = later.start
-    ready = Slot(start.station_id, start.at_ms - hand_over_time_ms(clock), start.soc)
+    ready = Slot(start.station_id, start.at_ms - HAND_OVER.ms(clock), start.soc)
     if ready.at_ms <= max(slot.at_ms, record.earliest_ms):
         return None
     due_ms = deadline_ms(record)

@@ -7,7 +7,6 @@ from typing import Final
 from skyway.contracts.drone_report import Ack
 from skyway.contracts.instruction import RefusalCode
 from skyway.ids import DroneId
-from skyway.runtime.clock import fleet_margin
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import (
     SentInstruction,
@@ -16,6 +15,7 @@ from skyway_composition.links.instruction_store import (
     was_sent,
 )
 from skyway_composition.links.link import DroneLink
+from skyway_composition.margins import ENERGY_IS_LOOKED_AT
 from skyway_composition.missions.following.advance import accept
 from skyway_composition.missions.following.handle_failure import open_stream, wait_for_revision
 from skyway_composition.missions.mission.doubt import without_doubt
@@ -47,9 +47,6 @@ _LOOK_AGAIN_MS: Final = 2_000
 #: wind had as many minutes to change. A drone that always answers so would otherwise hold its pads
 #: for 40 plans. Our own choice.
 _MOST_ENERGY_REFUSALS: Final = 10
-
-#: The arguments of `fleet_margin` for the same time, if the drone refused for lack of energy.
-_LOOK_AGAIN_FOR_ENERGY: Final = {"fleet_s": 60.0, "wall_s": 2.0}
 
 
 async def handle_ack(work: MissionUnitOfWork, link: DroneLink, ack: Ack) -> None:
@@ -223,7 +220,7 @@ async def _wait_or_give_up(work: MissionUnitOfWork, drone_id: DroneId) -> None:
         return
     refused = record.mission.energy_refusals
     if refused < _MOST_ENERGY_REFUSALS:
-        pause = fleet_margin(work.clock, **_LOOK_AGAIN_FOR_ENERGY) / work.clock.rate
+        pause = ENERGY_IS_LOOKED_AT.span(work.clock) / work.clock.rate
         at_wall_ms = moment_to_ms(work.clock.wall_now() + pause)
         await retry_stuck(work.tx, record.mission_id, at_wall_ms=at_wall_ms)
         return

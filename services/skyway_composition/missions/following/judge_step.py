@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Final, Self
+from typing import Self
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import DeliverStep, FlightStep, PickUpStep
 from skyway.ids import DroneId, PackageId, StationId
-from skyway.runtime.clock import fleet_margin
 from skyway.units import ms_to_moment
 from skyway_composition.links.instruction_store import last_revision
+from skyway_composition.margins import CLOCK_ERROR
 from skyway_composition.missions.following.plausibility import (
     Carried,
     HandOver,
@@ -26,9 +26,6 @@ from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.networks.station_store import stations_named
-
-#: How far a drone's clock may be behind ours, fleet and wall seconds. Our own choice.
-_CLOCK_ERROR_S: Final = (10.0, 1.0)
 
 
 async def is_believed(
@@ -197,6 +194,5 @@ async def _why_out_of_reach(
 
 def _sent_at(work: MissionUnitOfWork, record: MissionRecord) -> datetime:
     """The earliest moment at which the drone can have got the mission, by its own clock."""
-    fleet_s, wall_s = _CLOCK_ERROR_S
-    clock_error = fleet_margin(work.clock, fleet_s=fleet_s, wall_s=wall_s)
-    return ms_to_moment(record.expires_ms) - work.courier.lifetime - clock_error
+    sent_at = ms_to_moment(record.expires_ms) - work.courier.lifetime
+    return sent_at - CLOCK_ERROR.span(work.clock)

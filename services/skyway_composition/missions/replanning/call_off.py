@@ -7,16 +7,15 @@ Only a drone that surely loads nothing before its next instruction leaves its pa
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from datetime import timedelta
-from typing import Final
 
 from skyway.contracts.drone_report import Ack
 from skyway.contracts.flight_step import PickUpStep
 from skyway.ids import PackageId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import last_cancel
 from skyway_composition.links.link import DroneLink
+from skyway_composition.margins import PLANNED_AND_REACHES_SURELY, REACHES_SURELY
 from skyway_composition.missions.mission.custody_store import has_never_left
 from skyway_composition.missions.mission.end import end_cancelled
 from skyway_composition.missions.mission.instruct import call_off
@@ -24,12 +23,6 @@ from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.store import plan_now, retry_stuck
-
-#: Longest time until an instruction reaches a drone, seconds of wall time. Our own choice.
-_REACHES_DRONE_WITHIN_S: Final = 2.0
-
-#: The same, with the time to make a plan first.
-_PLANNED_WITHIN_S: Final = 4.0
 
 
 async def request_call_off(
@@ -147,9 +140,10 @@ def can_stay_at_pickup(
         return True
     if _may_be_loaded(record, link) or link.is_gone:
         return False
-    margin = _time_to_notify(clock, needs_plan=needs_plan)
+    margin = PLANNED_AND_REACHES_SURELY if needs_plan else REACHES_SURELY
+    reached_at = clock.now() + margin.span(clock)
     return all(
-        each.step.planned_start_at > clock.now() + margin
+        each.step.planned_start_at > reached_at
         for each in steps
         if isinstance(each.step, PickUpStep) and each.status == "PLANNED"
     )
@@ -158,8 +152,3 @@ def can_stay_at_pickup(
 def _may_be_loaded(record: MissionRecord, link: DroneLink) -> bool:
     is_in_doubt = record.mission.doubt is not None
     return record.is_being_loaded or is_in_doubt or link.has_unread_events
-
-
-def _time_to_notify(clock: FleetClock, *, needs_plan: bool) -> timedelta:
-    wall_s = _PLANNED_WITHIN_S if needs_plan else _REACHES_DRONE_WITHIN_S
-    return fleet_margin(clock, fleet_s=5, wall_s=wall_s)

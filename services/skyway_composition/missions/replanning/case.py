@@ -5,10 +5,11 @@ from typing import Final
 
 from skyway.contracts.instruction import RefusalCode
 from skyway.ids import ClosureId, StationId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.units import moment_to_ms
 from skyway_composition.calendar.snapshot import Snapshot
 from skyway_composition.closures.closure import Closure
+from skyway_composition.margins import REACHES_SURELY
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.replanning.remainder.anchor import (
     Anchor,
@@ -19,10 +20,6 @@ from skyway_composition.missions.replanning.situation import Situation
 from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.problem_for import with_margin
 from skyway_composition.planning.world import World
-
-#: Time until a revision reaches the drone: fleet seconds, wall seconds. Our own choice.
-_REACHES_DRONE_WITHIN_S: Final = (5.0, 2.0)
-
 
 #: If a drone had too little energy for its plan, the next plan has so much more margin.
 _MORE_AFTER_REFUSAL: Final = 0.05
@@ -79,9 +76,7 @@ class Case:
         self, *, closed: ClosedAhead, clock: FleetClock, before_step: int | None = None
     ) -> Anchor | None:
         """The place and moment from which the plan can be changed; see `find_anchor`."""
-        fleet_s, wall_s = _REACHES_DRONE_WITHIN_S
-        margin = fleet_margin(clock, fleet_s=fleet_s, wall_s=wall_s)
-        earliest_ms = 1 + moment_to_ms(clock.now() + margin)
+        earliest_ms = 1 + moment_to_ms(clock.now() + REACHES_SURELY.span(clock))
         stuck = self.record.stuck
         if stuck is not None:
             anchor = anchor_of_stuck(self.situation, stuck, earliest_ms=earliest_ms)

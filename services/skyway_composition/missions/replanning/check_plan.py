@@ -12,8 +12,8 @@ from typing import Final
 from skyway.contracts.drone_report import DroneEvent, DroneState
 from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, RechargeStep
 from skyway.contracts.mission import PackageEta
-from skyway.runtime.clock import fleet_margin
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.margins import REPORT_ARRIVES
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.felt_wind import air_ahead, first_flights
@@ -38,9 +38,6 @@ _LEAST_SHORTFALL_SOC: Final = 0.001
 #: The share of the planned margin that the rest of a plan must still have. If the whole margin had
 #: to be left, each gust would cause a new plan. Our own choice.
 _MARGIN_LEFT: Final = 2 / 3
-
-#: Longest time until a drone's report arrives, for `fleet_margin`. Our own choice.
-REPORT_DELAY: Final = {"fleet_s": 30.0, "wall_s": 2.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +120,7 @@ async def _outlook(
         return None
     situation = await Situation.of(work, record)
     # Reports about the last seconds may be on their way: the drone may be further than reported.
-    reported_until = work.clock.now() - fleet_margin(work.clock, **REPORT_DELAY)
+    reported_until = work.clock.now() - REPORT_ARRIVES.span(work.clock)
     return _expected(situation, now_ms=moment_to_ms(reported_until), closed=closed)
 
 

@@ -14,6 +14,7 @@ from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import NoTrip
 from skyway.units import moment_to_ms
 from skyway_composition.closures.closure import Closure
+from skyway_composition.margins import HAND_OVER
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.replanning.apply_outcome import MOST_REVISIONS, refusal_code
 from skyway_composition.missions.replanning.case import Case, planning_obstacle, trouble_of
@@ -22,7 +23,6 @@ from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
 from skyway_composition.missions.replanning.situation import Situation
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.availability import hand_over_time_ms
 from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
@@ -228,7 +228,7 @@ class PlanFinder:
     def _ready_for(self, following: MissionRecord) -> Slot:
         """Where, when and with what charge the drone must be ready for its next mission."""
         start = following.start
-        return Slot(start.station_id, start.at_ms - hand_over_time_ms(self.clock), start.soc)
+        return Slot(start.station_id, start.at_ms - HAND_OVER.ms(self.clock), start.soc)
 
     def _anchor(
         self, case: Case, *, closed: ClosedAhead, before_step: int | None = None

@@ -3,10 +3,9 @@
 import asyncio
 import logging
 from dataclasses import dataclass
-from typing import Final
 
 from skyway.ids import NetworkId, ProviderId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count, timed
@@ -14,14 +13,12 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.calendar.commit import WorldChanged
+from skyway_composition.margins import REACHES
 from skyway_composition.missions.calendar.dispatching import store
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder, adopt
 from skyway_composition.missions.calendar.dispatching.find_order import OrderFinder
 
 log = logging.getLogger(__name__)
-
-#: Until an order is saved and a drone is reached: fleet seconds, wall seconds.
-_REACH_S: Final = (5.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,9 +56,7 @@ class Dispatcher:
     async def adopt(self, better: BetterOrder) -> str:
         """Save a better order, if nothing has changed since; returns the outcome."""
         now = self.clock.now()
-        fleet_s, wall_s = _REACH_S
-        reached_at = now + fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s)
-        if better.first_start_ms < moment_to_ms(reached_at):
+        if better.first_start_ms < moment_to_ms(now + REACHES.span(self.clock)):
             return "outdated"
         judgement = better.judgement
         try:

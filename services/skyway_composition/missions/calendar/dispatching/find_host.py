@@ -19,13 +19,14 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, MissionId, ProviderId, StationId
 from skyway.network.great_circle import distances_m
 from skyway.network.network import Network
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import current_traceparent
 from skyway.scheduling.trip import NoTrip
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.store import held_among, links_to
+from skyway_composition.margins import HAND_OVER, JOINS
 from skyway_composition.missions.calendar.dispatching import store
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
 from skyway_composition.missions.calendar.dispatching.find_order import free_to_take_off
@@ -38,14 +39,9 @@ from skyway_composition.missions.calendar.plan_queue import latest_ms
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import NearPickup, Share, flight_id
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.availability import hand_over_time_ms
 from skyway_composition.planning.offer import Offer, Offers
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
-
-#: A new plan may begin so much later than now: until then it is saved and reaches the drone. Fleet
-#: seconds and wall seconds; the longer of both counts.
-_SETTLED_S: Final = (60.0, 2.0)
 
 #: How fast customers walk to another station, along the straight line, m/s. Our own choice.
 _CARRYING_MPS: Final = 1.0
@@ -255,11 +251,8 @@ class HostFinder:
         return carrying(host, Guest(share, request.model_copy(update=update), etas))
 
     def _times(self) -> Moments:
-        fleet_s, wall_s = _SETTLED_S
         now_ms = moment_to_ms(self.clock.now())
-        ahead = fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s)
-        settled_ms = now_ms + round(ahead.total_seconds() * 1000)
-        return Moments(now_ms, settled_ms, hand_over_time_ms(self.clock))
+        return Moments(now_ms, now_ms + JOINS.ms(self.clock), HAND_OVER.ms(self.clock))
 
 
 def _asked(

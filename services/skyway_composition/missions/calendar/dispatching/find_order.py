@@ -11,13 +11,14 @@ from skyway.contracts.drones import (
     OutOfServiceQuery,
 )
 from skyway.ids import DroneId, MissionId, NetworkId, ProviderId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.metrics import count
 from skyway.runtime.sql.database import Database
 from skyway.scheduling.trip import NoTrip
 from skyway.units import moment_to_ms
 from skyway_composition.links.store import held_among, links_to
+from skyway_composition.margins import ANOTHER_ORDER, HAND_OVER
 from skyway_composition.missions.calendar.dispatching import store
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
 from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Moments, Orders, fleet_of
@@ -36,14 +37,10 @@ from skyway_composition.missions.calendar.dispatching.search_process import (
 )
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.pads.store import booked_everywhere
-from skyway_composition.planning.availability import hand_over_time_ms
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
-
-#: Until a new plan is saved and a drone is reached, beside the search: fleet seconds, wall seconds.
-_SETTLED_S: Final = (120.0, 3.0)
 
 #: The most waiting missions of one search; a fleet with more keeps its order. Our own choice.
 _MOST_WAITING: Final = 500
@@ -270,11 +267,9 @@ class OrderFinder:
         )
 
     def _times(self) -> Moments:
-        fleet_s, wall_s = _SETTLED_S
         now_ms = moment_to_ms(self.clock.now())
-        ahead = fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s + 2 * self.terms.budget_s)
-        settled_ms = now_ms + round(ahead.total_seconds() * 1000)
-        return Moments(now_ms, settled_ms, hand_over_time_ms(self.clock))
+        ahead_ms = ANOTHER_ORDER.ms(self.clock, more_wall_s=2 * self.terms.budget_s)
+        return Moments(now_ms, now_ms + ahead_ms, HAND_OVER.ms(self.clock))
 
 
 def free_to_take_off(fleet: Fleet, world: World, times: Moments) -> Fleet:
