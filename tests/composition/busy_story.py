@@ -15,6 +15,7 @@ from skyway.contracts.mission_reports import MissionReport
 from skyway.delivery.qos import QoS
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import StationId
+from skyway.runtime.sql.database import Database
 from tests.composition.busy_world import BusyWorld
 from tests.composition.dispatched_world import dispatch_fairly
 from tests.composition.dry_runs import preview
@@ -62,9 +63,15 @@ class Story:
         self.closures: list[Closure] = []
 
     @classmethod
-    async def play(cls, url: str, actions: Sequence[tuple[str, int]]) -> list[str]:
+    async def play(
+        cls,
+        url: str,
+        actions: Sequence[tuple[str, int]],
+        *,
+        database: type[Database] = Database,
+    ) -> list[str]:
         """Play a story from its first action to the end of all missions; returns all reports."""
-        async with BusyWorld(url) as world:
+        async with BusyWorld(url, database=database) as world:
             story = cls(world)
             for name, seed in actions:
                 note(f"{world.clock.now():%H:%M:%S} {name} {seed}")

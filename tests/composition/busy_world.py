@@ -88,10 +88,12 @@ class BusyWorld:
     #: How often drones in flight check for failures; a quarter of a second of wall time at `_RATE`.
     flight_stride = timedelta(seconds=15)
 
-    def __init__(self, url: str, *, rate: float = _RATE) -> None:
+    def __init__(
+        self, url: str, *, rate: float = _RATE, database: type[Database] = Database
+    ) -> None:
         self.clock = ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC), rate=rate)
         self.mint = CountingMint()
-        self.db = Database(url, outbox=outbox)
+        self.db = database(url, outbox=outbox)
         self.solver = SolverPool(threads=1, time_limit_s=5.0)
         self.drones: list[FlownDrone] = []
         self.handled: list[Received[Any]] = []
