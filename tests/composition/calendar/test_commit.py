@@ -5,7 +5,11 @@ from typing import Any
 import numpy as np
 from skyway_composition.calendar.commit import WorldChanged, lock_as_seen
 from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.links.link import DroneLink
+from skyway_composition.links.store import links_to
 from skyway_composition.planning.world import World
+
+from skyway.ids import DroneId
 
 OPERATOR = "operator:op"
 FAR_AWAY = {"type": "Polygon", "coordinates": [[[90, 0], [91, 0], [91, 1], [90, 0]]]}
@@ -88,3 +92,35 @@ async def test_the_gap_between_drones_is_the_networks_unless_given(
 
     assert (world.pads.book.start_ms == exact.pads.book.start_ms - 60_000).all()
     assert len(world.pads.book.start_ms) > 0
+
+
+async def test_a_plan_from_a_step_falls_when_the_drone_goes_on(
+    composition: Any, drone: Any
+) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    doing = {"mission_id": instruction.mission_id, "mission_revision": 1}
+    await composition.receive(drone.ack(instruction), drone.state(step_id=1, **doing))
+    world, drone_id = await look(composition), DroneId("drn_1")
+    [link] = (await links_of(composition, drone_id)).values()
+    seen = Snapshot(world.present, {drone_id: link.calendar_version}, {drone_id: link.at_step})
+
+    async def is_as_seen() -> bool:
+        async with composition.db.write() as tx:
+            try:
+                await lock_as_seen(tx, seen)
+            except WorldChanged:
+                return False
+        return True
+
+    assert await is_as_seen()
+    await composition.receive(drone.state(step_id=2, **doing))
+    [now] = (await links_of(composition, drone_id)).values()
+
+    assert now.calendar_version == link.calendar_version
+    assert not await is_as_seen()
+
+
+async def links_of(composition: Any, drone_id: DroneId) -> dict[DroneId, DroneLink]:
+    async with composition.db.read() as connection:
+        return await links_to(connection, [drone_id])
