@@ -15,7 +15,6 @@ from skyway.contracts.mission_reports import MissionReport
 from skyway.delivery.qos import QoS
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import StationId
-from skyway.runtime.sql.database import Database
 from tests.composition.busy_world import BusyWorld
 from tests.composition.dispatched_world import dispatch_fairly
 from tests.composition.dry_runs import preview
@@ -68,10 +67,10 @@ class Story:
         url: str,
         actions: Sequence[tuple[str, int]],
         *,
-        database: type[Database] = Database,
+        world_of: type[BusyWorld] = BusyWorld,
     ) -> list[str]:
         """Play a story from its first action to the end of all missions; returns all reports."""
-        async with BusyWorld(url, database=database) as world:
+        async with world_of(url) as world:
             story = cls(world)
             for name, seed in actions:
                 note(f"{world.clock.now():%H:%M:%S} {name} {seed}")

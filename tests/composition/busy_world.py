@@ -18,10 +18,7 @@ from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Command, Commands
-from skyway_composition.missions.mission.custody_store import (
-    delivered,
-    held_packages,
-)
+from skyway_composition.missions.mission.custody_store import delivered, held_packages
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.store import MissionFilter, page
 from skyway_composition.missions.replanning.foresee import Foresight
@@ -88,12 +85,12 @@ class BusyWorld:
     #: How often drones in flight check for failures; a quarter of a second of wall time at `_RATE`.
     flight_stride = timedelta(seconds=15)
 
-    def __init__(
-        self, url: str, *, rate: float = _RATE, database: type[Database] = Database
-    ) -> None:
+    database = Database
+
+    def __init__(self, url: str, *, rate: float = _RATE) -> None:
         self.clock = ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC), rate=rate)
         self.mint = CountingMint()
-        self.db = database(url, outbox=outbox)
+        self.db = self.database(url, outbox=outbox)
         self.solver = SolverPool(threads=1, time_limit_s=5.0)
         self.drones: list[FlownDrone] = []
         self.handled: list[Received[Any]] = []

@@ -1,5 +1,6 @@
 """A world still holds until its network is published again, closed or reopened."""
 
+from datetime import timedelta
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from skyway_composition.links.store import links_to
 from skyway_composition.planning.world import World
 
 from skyway.ids import DroneId
+from tests.composition.missions.booking.test_holds import quote
 
 OPERATOR = "operator:op"
 FAR_AWAY = {"type": "Polygon", "coordinates": [[[90, 0], [91, 0], [91, 1], [90, 0]]]}
@@ -124,3 +126,21 @@ async def test_a_plan_from_a_step_falls_when_the_drone_goes_on(
 async def links_of(composition: Any, drone_id: DroneId) -> dict[DroneId, DroneLink]:
     async with composition.db.read() as connection:
         return await links_to(connection, [drone_id])
+
+
+async def test_a_hold_and_its_end_raise_the_number_of_the_calendar(
+    composition: Any, make: Any
+) -> None:
+    await composition.book()
+
+    async def number() -> int:
+        [row] = await composition.rows("SELECT calendar_version FROM drone_links")
+        return int(row.calendar_version)
+
+    before = await number()
+    await quote(composition, make)
+    held = await number()
+    composition.clock.advance(timedelta(hours=1))
+    await composition.parts.keeper.delete_expired()
+
+    assert before < held < await number()

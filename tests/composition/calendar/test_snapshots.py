@@ -64,6 +64,14 @@ class GatedDatabase(Database):
             yield tx
 
 
+class GatedWorld(BusyWorld):
+    database = GatedDatabase
+
+
+class WatchedWorld(BusyWorld):
+    database = WatchedDatabase
+
+
 async def book_drone(world: BusyWorld, number: int, delivery_id: str, *ways: str) -> None:
     [drone] = world.drones[number - 1 : number]
     asked = request(delivery_id, *ways)
@@ -162,7 +170,7 @@ async def test_of_two_changes_of_one_snapshot_the_second_is_committed_if_they_do
 
     monkeypatch.setattr(engage, "lock_as_seen", noted)
     monkeypatch.setattr(unit_of_work, "lock_as_seen", noted)
-    async with BusyWorld(migrated_url, database=GatedDatabase) as world:
+    async with GatedWorld(migrated_url) as world:
         await _prepare(world)
         gate = world.db.gate = Gate(PROPOSALS[proposal])  # type: ignore[attr-defined]
         proposing = asyncio.create_task(_gated(proposal, world))
@@ -200,6 +208,6 @@ def test_every_change_of_a_calendar_raises_its_number(migrated_url: str) -> None
     @settings(max_examples=2, phases=[Phase.generate])
     @given(actions=_ACTIONS)
     def play_story(actions: list[tuple[str, int]]) -> None:
-        asyncio.run(Story.play(migrated_url, actions, database=WatchedDatabase))
+        asyncio.run(Story.play(migrated_url, actions, world_of=WatchedWorld))
 
     play_story()

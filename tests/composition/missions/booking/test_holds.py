@@ -118,24 +118,6 @@ async def test_a_held_drone_is_given_to_no_other_booking(composition: Any, make:
     assert await composition.broken() == []
 
 
-async def test_a_hold_and_its_end_raise_the_number_of_the_calendar(
-    composition: Any, make: Any
-) -> None:
-    await composition.book()
-
-    async def number() -> int:
-        [row] = await composition.rows("SELECT calendar_version FROM drone_links")
-        return int(row.calendar_version)
-
-    before = await number()
-    await quote(composition, make)
-    held = await number()
-    composition.clock.advance(timedelta(hours=1))
-    await composition.parts.keeper.delete_expired()
-
-    assert before < held < await number()
-
-
 async def test_another_request_gets_another_drone_while_one_is_held(
     composition: Any, make: Any
 ) -> None:
