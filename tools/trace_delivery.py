@@ -1,7 +1,8 @@
 """Trace one delivery through all processes: which files it passes from POST to its last webhook.
 
-python tools/trace_delivery.py           figures
-python tools/trace_delivery.py --files   and the files and the calls between folders
+python -m tools.trace_delivery           figures
+python -m tools.trace_delivery --files   and the files and the calls between folders
+python -m tools.trace_delivery --draw    and docs/pictures/way-of-a-delivery.svg
 
 The tool starts `skyway up` in a temporary folder, lets one drone stand ready, and notes each Python
 call in every process until the webhook `delivery.completed` arrives. Domain files are all files of
@@ -29,7 +30,10 @@ from typing import Any, Final
 
 import httpx
 
+from tools.draw_way import drawn
+
 ROOT: Final = Path(__file__).resolve().parent.parent
+PICTURE: Final = ROOT / "docs/pictures/way-of-a-delivery.svg"
 SKYWAY: Final = (sys.executable, "-m", "skyway.cli")
 
 #: Longest wait for any step, seconds of wall time.
@@ -41,21 +45,24 @@ IDLE_S: Final = 15.0
 #: Files that the second figures leave out: a real fleet brings its own broker and vehicle.
 _STAND_INS: Final = ("services/skyway_broker/", "services/skyway_drone_agent/simulated/")
 
-#: A file of ours that calls another file of ours; the caller is empty for a file of others.
-Calls = set[tuple[str, str]]
+#: A file of ours that calls another file of ours, and when first, nanoseconds of a clock that all
+#: processes share. The caller is empty for a file of others.
+Calls = dict[tuple[str, str], int]
 
 #: Python runs a module of this name in each process, before all else. SIGUSR1 begins the notes,
 #: SIGUSR2 writes them: a line for each pair of files of which one calls the other.
 _NOTE_TAKER: Final = """
-import json, os, signal, sys, threading
+import json, os, signal, sys, threading, time
 ROOT, FOLDER = os.environ["SKYWAY_TRACE_ROOT"] + "/", os.environ["SKYWAY_TRACE_FOLDER"]
-active, calls, written = False, set(), 0
+active, calls, written = False, {}, 0
 
 def note(frame, event, _):
     if active and event == "call" and frame.f_code.co_filename.startswith(ROOT):
         caller = frame.f_back.f_code.co_filename if frame.f_back else ""
         if frame.f_code.co_name != "<module>":
-            calls.add((caller, frame.f_code.co_filename))
+            pair = caller, frame.f_code.co_filename
+            if pair not in calls:
+                calls[pair] = time.monotonic_ns()
 
 def begin(*_):
     global active
@@ -63,10 +70,10 @@ def begin(*_):
 
 def write(*_):
     global active, calls, written
-    active, noted, calls, written = False, calls, set(), written + 1
+    active, noted, calls, written = False, calls, {}, written + 1
     name = f"{FOLDER}/{os.getpid()}.{written}"
     with open(f"{name}.json", "w") as file:
-        json.dump(sorted(noted), file)
+        json.dump([[*pair, at_ns] for pair, at_ns in noted.items()], file)
     os.rename(f"{name}.json", f"{name}.done")
 
 signal.signal(signal.SIGUSR1, begin)
@@ -152,7 +159,9 @@ class Recorder:
         notes = [self._folder / f"{pid}.{self._recordings}.done" for pid in self._pids]
         until(lambda: all(note.exists() for note in notes), "the notes of all processes")
         for note in notes:
-            calls.update((short(a), short(b)) for a, b in json.loads(note.read_text()))
+            for caller, callee, at_ns in json.loads(note.read_text()):
+                pair = short(caller), short(callee)
+                calls[pair] = min(at_ns, calls.get(pair, at_ns))
 
     def _signal(self, number: signal.Signals) -> None:
         for pid in self._pids:
@@ -206,10 +215,10 @@ def traced_calls(folder: Path) -> tuple[Calls, Calls]:
                     "the drone to stand ready",
                 )
                 recorder = Recorder(folder, [*with_descendants(system), *with_descendants(agent)])
-                idle: Calls = set()
+                idle: Calls = {}
                 with recorder.recording(idle):
                     time.sleep(IDLE_S)
-                busy: Calls = set()
+                busy: Calls = {}
                 with recorder.recording(busy):
                     request_delivery(client)
                     until(lambda: "delivery.completed" in kinds, "the webhook delivery.completed")
@@ -265,7 +274,20 @@ def domain_files(calls: Calls) -> set[str]:
 
 def own_calls(busy: Calls, idle: Calls) -> Calls:
     """What the delivery calls: without broker, simulation and background loops."""
-    return {(a, b) for a, b in busy - idle if not b.startswith(_STAND_INS)}
+    return {
+        (a, b): at_ns
+        for (a, b), at_ns in busy.items()
+        if (a, b) not in idle and not b.startswith(_STAND_INS)
+    }
+
+
+def files_in_order(calls: Calls) -> list[str]:
+    """The domain files that these calls pass, in the order of their first calls."""
+    first: dict[str, int] = {}
+    for (_, callee), at_ns in calls.items():
+        if callee and is_domain(callee):
+            first[callee] = min(at_ns, first.get(callee, at_ns))
+    return sorted(first, key=lambda file: first[file])
 
 
 def print_figures(title: str, calls: Calls, *, with_files: bool) -> None:
@@ -290,12 +312,15 @@ def main() -> int:
     """Trace one delivery and print the figures."""
     parser = argparse.ArgumentParser(description="Trace one delivery through all processes.")
     parser.add_argument("--files", action="store_true", help="print files and calls, too")
+    parser.add_argument("--draw", action="store_true", help="draw the files in order, too")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="skyway-trace-") as folder:
         busy, idle = traced_calls(Path(folder))
     own = own_calls(busy, idle)
     print_figures("All that runs during a delivery", busy, with_files=options.files)
     print_figures("Without broker, simulation and background loops", own, with_files=options.files)
+    if options.draw:
+        PICTURE.write_text(drawn(files_in_order(own)), encoding="utf-8")
     return 0
 
 
