@@ -1,0 +1,248 @@
+"""The rules of links to drones, and of the replicas that share them.
+
+Gapless instructions, open ones in the outbox, true counters.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any, Final
+
+from skyway_composition.tables import (
+    cut_steps,
+    drone_links,
+    instructions,
+    mission_steps,
+    missions,
+    outbox,
+    replicas,
+)
+from sqlalchemy import exists, func, select
+
+from skyway.bounds import LATEST
+from skyway.contracts.topics import INSTRUCTIONS
+from skyway.units import moment_to_ms
+from skyway_verifier.finders import any_of, rows_where
+from skyway_verifier.rule import Rule, Survey
+from skyway_verifier.storage_rules import replica_rule
+
+#: A drone sends its state after each event. When its link breaks between the two, the events that
+#: it sent last are not in its last state.
+_MOST_EVENTS_BEFORE_STATE: Final = 10
+
+_LATEST_MS: Final = moment_to_ms(LATEST)
+
+_sent = instructions.alias("sent")
+_before = instructions.alias("before")
+_is_open = instructions.c.status.in_(("SENT", "RECEIVED"))
+_in_outbox = exists().where(
+    outbox.c.channel == "mqtt",
+    outbox.c.message_id == instructions.c.instruction_id,
+    outbox.c.stream == instructions.c.drone_id,
+    outbox.c.confirmed_by == "receiver",
+)
+_is_of_drone = instructions.c.drone_id == drone_links.c.drone_id
+_last_seq = (
+    select(func.coalesce(func.max(instructions.c.seq), 0))
+    .where(_is_of_drone, instructions.c.stream == drone_links.c.stream)
+    .correlate(drone_links)
+    .scalar_subquery()
+)
+_last_stream = (
+    select(func.coalesce(func.max(instructions.c.stream), 0))
+    .where(_is_of_drone)
+    .correlate(drone_links)
+    .scalar_subquery()
+)
+
+_COUNTERS: Final = (
+    "With wrong counters the drone refuses instructions as gaps, or its events are dropped. Set "
+    "`stream` and `last_seq` to those of the drone's last row in `instructions`, and "
+    "`last_event_seq` to the `last_event_seq` of the drone's last state whose events were handled."
+)
+
+
+def _differs(row: Any) -> bool:  # a row of instructions
+    names = ["instruction_id", "stream", "seq", "kind"]
+    if row.mission_id is not None:  # the mission of an answered instruction may be deleted
+        names += ["mission_id", "mission_revision"]
+    body = json.loads(row.body)
+    return any(body[name] != getattr(row, name) for name in names)
+
+
+_REPEATED: Final = (
+    select(instructions, drone_links.c.provider_id, outbox.c.payload, outbox.c.address)
+    .join(outbox, outbox.c.message_id == instructions.c.instruction_id)
+    .join(drone_links, drone_links.c.drone_id == instructions.c.drone_id)
+)
+
+
+def _is_changed(row: Any) -> bool:  # a row of _REPEATED
+    """Whether the outbox repeats an instruction with another text, or to another drone."""
+    is_here = row.address == INSTRUCTIONS(row.provider_id, row.drone_id).name
+    return not (is_here and _is_same(row.body, row.payload))
+
+
+def _is_same(body: str, payload: bytes) -> bool:
+    """Whether a message is the stored instruction; the message also has a trace context."""
+    try:
+        stored, sent = json.loads(body), json.loads(payload)
+        return bool(stored | {"traceparent": None} == sent | {"traceparent": None})
+    except (ValueError, TypeError):
+        return False
+
+
+def _is_wrongly_occupied(row: Any) -> bool:  # a row of drone_links
+    """Whether the state reports a mission or a landing in the open, and the link does not."""
+    if row.state is None:
+        return bool(row.is_occupied)
+    state = json.loads(row.state)
+    is_occupied = state["mission_id"] is not None or state["activity"] == "DOWN"
+    return bool(is_occupied != row.is_occupied)
+
+
+async def _wrongly_counted(survey: Survey) -> list[str]:
+    """Drones whose link does not count a stored event, or counts events that nobody has sent."""
+    links, known = {}, {}
+    async for row in survey.each(select(drone_links)):
+        links[row.drone_id] = row.stream, row.last_event_seq
+        known[row.drone_id] = _events_in_state(row.state, row.stream)
+    stored = await _stored_events(survey, {drone: stream for drone, (stream, _) in links.items()})
+    return sorted(
+        drone_id
+        for drone_id, (_, last_seq) in links.items()
+        if last_seq < stored[drone_id]
+        or (
+            (in_state := known[drone_id]) is not None
+            and last_seq > max(in_state, stored[drone_id]) + _MOST_EVENTS_BEFORE_STATE
+        )
+    )
+
+
+def _events_in_state(state: str | None, stream: int) -> int | None:
+    """How many events a drone has sent by its last state; None if it follows another stream."""
+    if state is None:
+        return 0
+    try:
+        value = json.loads(state)
+        return int(value["last_event_seq"]) if value["stream"] == stream else None
+    except (ValueError, KeyError, TypeError):
+        return None  # another rule names texts that cannot be read
+
+
+async def _stored_events(survey: Survey, streams: Mapping[str, int]) -> Counter[str]:
+    """By drone: the highest number of an event of this stream that is stored or was confirmed."""
+    found: Counter[str] = Counter()
+    events = select(missions.c.drone_id, mission_steps.c.event).join(
+        missions, missions.c.mission_id == mission_steps.c.mission_id
+    )
+    cuts = select(missions.c.drone_id, cut_steps.c.event).join(
+        missions, missions.c.mission_id == cut_steps.c.mission_id
+    )
+    for query in (events.where(mission_steps.c.event.is_not(None)), cuts):
+        async for row in survey.each(query):
+            seq = _number_in(row.event, stream=streams.get(row.drone_id, 0))
+            found[row.drone_id] = max(found[row.drone_id], seq)
+    async for row in survey.each(select(instructions)):
+        if row.stream == streams.get(row.drone_id):
+            found[row.drone_id] = max(found[row.drone_id], _confirmed(row.body))
+    return found
+
+
+def _number_in(event: str, *, stream: int) -> int:
+    try:
+        value = json.loads(event)
+        return int(value["seq"]) if value["stream"] == stream else 0
+    except (ValueError, KeyError, TypeError):
+        return 0
+
+
+def _confirmed(instruction: str) -> int:
+    try:
+        return int(json.loads(instruction)["events_confirmed_seq"])
+    except (ValueError, KeyError, TypeError):
+        return 0
+
+
+LINKS: Final = (
+    Rule(
+        "a link was renewed at a possible moment",
+        select(drone_links.c.drone_id).where(~drone_links.c.renewed_ms.between(0, _LATEST_MS)),
+        "Set `renewed_ms` to NULL: only what the broker has kept from before is judged by it.",
+    ),
+    Rule(
+        # Answered instructions of deliveries that ended long ago are deleted.
+        "I7 an unanswered instruction follows the one before it",
+        select(_sent.c.instruction_id).where(
+            _sent.c.seq > 1,
+            _sent.c.status.in_(("SENT", "RECEIVED")),
+            ~exists().where(
+                _before.c.drone_id == _sent.c.drone_id,
+                _before.c.stream == _sent.c.stream,
+                _before.c.seq == _sent.c.seq - 1,
+            ),
+        ),
+        "A drone refuses an instruction after a gap. Restore the missing row from a backup, or "
+        "open a new stream: raise `drone_links.stream` by 1 and set `last_seq` to 0.",
+    ),
+    Rule(
+        "I7 an unanswered instruction is in the outbox",
+        select(instructions.c.instruction_id).where(_is_open, ~_in_outbox),
+        "The drone will never get it. If the drone's state shows that it has the instruction, wait "
+        "for its answer; else cancel or replan the mission, which sends a new instruction.",
+    ),
+    Rule(
+        "I7 an answered instruction is not repeated",
+        select(instructions.c.instruction_id).where(~_is_open, _in_outbox),
+        "Delete its row of `outbox`; the drone has answered it.",
+    ),
+    Rule(
+        "I7 the outbox repeats an instruction as it was stored",
+        rows_where(_REPEATED, _is_changed, "instruction_id"),
+        "Set the `payload` of the row of `outbox` to `instructions.body`, and its `address` to the "
+        "topic of the drone.",
+    ),
+    Rule(
+        "an instruction's columns say what its body says",
+        rows_where(select(instructions), _differs, "instruction_id"),
+        "The drone has what the body says. Set the columns to its values.",
+    ),
+    Rule(
+        "I7 a link counts the drone's instructions",
+        any_of(
+            drone_links.c.drone_id,
+            drone_links.c.last_seq != _last_seq,
+            drone_links.c.stream < _last_stream,
+            drone_links.c.acked_stream > drone_links.c.stream,
+        ),
+        _COUNTERS,
+    ),
+    Rule(
+        "I7 a link counts the drone's events",
+        _wrongly_counted,
+        _COUNTERS,
+    ),
+    Rule(
+        "I7 an instruction has a link to its drone",
+        select(instructions.c.instruction_id).where(~exists().where(_is_of_drone)),
+        "Restore the row of `drone_links` from a backup; its counters are those of the drone's "
+        "last row in `instructions`.",
+    ),
+    Rule(
+        "I2 a link says whether its drone is occupied",
+        rows_where(select(drone_links), _is_wrongly_occupied, "drone_id"),
+        "Set `is_occupied` to whether `state` names a mission or the activity DOWN. While it is "
+        "wrong, a drone that flies can be booked, or a free drone cannot.",
+    ),
+    Rule(
+        "a link belongs to the provider of its drone's missions",
+        select(drone_links.c.drone_id).where(
+            exists().where(
+                missions.c.drone_id == drone_links.c.drone_id,
+                missions.c.provider_id != drone_links.c.provider_id,
+            )
+        ),
+        "The registry knows the drone's provider. Correct the column that differs.",
+    ),
+    replica_rule(replicas),
+)

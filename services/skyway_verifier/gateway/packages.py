@@ -1,0 +1,302 @@
+"""The rules of packages: one custodian, one chain of custody, one delivery (I6)."""
+
+import json
+from collections.abc import Mapping
+from datetime import datetime
+from itertools import pairwise
+from typing import Any, Final
+
+from skyway_gateway.deliveries.lifecycle.delivery import (
+    ON_BOARD_STATES,
+    SETTLED_PACKAGE_STATES,
+    Proof,
+)
+from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
+from skyway_gateway.lateness.promise import due_of
+from skyway_gateway.lateness.store import IS_DUE_AS_PROMISED
+from skyway_gateway.tables import events
+from sqlalchemy import ColumnElement, and_, exists, func, not_, or_, select
+
+from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.delivery.request import DeliveryRequest
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_verifier.finders import any_of, each_where, rows_where
+from skyway_verifier.gateway.package_stories import PackageStory, package_stories
+from skyway_verifier.rule import Rule, Survey
+
+_is_of_package = and_(
+    custody.c.delivery_id == packages.c.delivery_id,
+    custody.c.package_id == packages.c.package_id,
+)
+_name = packages.c.delivery_id + "/" + packages.c.package_id
+_NAMES: Final = ("delivery_id", "package_id")
+_is_settled = packages.c.state.in_(sorted(SETTLED_PACKAGE_STATES))
+_is_delivered = packages.c.state == "DELIVERED"
+_is_with_recipient = packages.c.custodian_kind == "RECIPIENT"
+_is_its_mission = and_(
+    missions.c.mission_id == packages.c.mission_id,
+    missions.c.delivery_id == packages.c.delivery_id,
+)
+_is_live = missions.c.state.in_(LIVE_MISSION_STATES)
+
+#: The states in which each custodian may have a package.
+_MAY_HAVE: Final = {
+    "STATION": ("CREATED", "RETURNED", "STRANDED", "CANCELLED"),
+    "DRONE": (*sorted(ON_BOARD_STATES), "STRANDED"),
+    "RECIPIENT": ("DELIVERED",),
+}
+
+_FROM_COMPOSITION: Final = (
+    "Composition has the same chain (its table `custody`), with the mission of each link: correct "
+    "the rows here by it. If both differ from what people see, ask people where the package is."
+)
+_FROM_EVENTS: Final = (
+    "The customer was notified of something else: see the delivery's events. Composition's "
+    "`custody` and the drone's event (`mission_steps.event`) say what happened; correct the row, "
+    "or notify the customer yourself if the events are wrong."
+)
+
+
+def _link_count(*conditions: ColumnElement[bool]) -> ColumnElement[int]:
+    statement = select(func.count()).where(_is_of_package, *conditions)
+    return statement.correlate(packages).scalar_subquery()
+
+
+def _begins_elsewhere(story: PackageStory) -> bool:
+    return (story.kinds[:1], story.custodians[:1]) != (["STATION"], [story.pickup])
+
+
+def _has_impossible_link(story: PackageStory) -> bool:
+    """Only a drone moves a package: of two links that follow one another, one is a drone's.
+
+    Before that, its customer may bring it to another station that the request allows.
+    """
+    kinds = story.kinds[1:] if story.is_brought else story.kinds
+    return any((before == "DRONE") == (after == "DRONE") for before, after in pairwise(kinds))
+
+
+def _is_carried_by_another(story: PackageStory) -> bool:
+    links = zip(story.kinds, story.custodians, strict=True)
+    return any(kind == "DRONE" and drone not in story.drones for kind, drone in links)
+
+
+def _is_delivered_elsewhere(story: PackageStory) -> bool:
+    links = zip(story.kinds, story.custodians, strict=True)
+    return any(kind == "RECIPIENT" and place not in story.goals for kind, place in links)
+
+
+def _ends_otherwise_than_notified(story: PackageStory) -> bool:
+    """Whether its final state is not the one of which the customer was notified."""
+    return story.notified_ends != story.expected_ends
+
+
+#: A row of a delivered package, and the data of the event of which its customer was notified.
+_Delivered = tuple[Any, Mapping[str, Any]]
+
+
+async def _delivered(survey: Survey) -> Mapping[tuple[str, str], _Delivered]:
+    """All delivered packages by delivery and package."""
+    notified = {}
+    query = select(events).where(events.c.type == "package.delivered")
+    async for event in survey.each(query):
+        data = json.loads(event.body)["data"]
+        notified[event.delivery_id, data["package_id"]] = data
+    return {
+        (row.delivery_id, row.package_id): (
+            row,
+            notified.get((row.delivery_id, row.package_id), {}),
+        )
+        async for row in survey.each(select(packages).where(_is_delivered))
+    }
+
+
+def _proof_differs(package: _Delivered) -> bool:
+    """Whether the proof is not that of the package's row, or not that of its event."""
+    row, data = package
+    if row.proof is None:
+        return True
+    proof = Proof.read(row.proof)
+    is_elsewhere = proof.station_id not in (None, row.custodian_id)  # null in reports without place
+    if is_elsewhere or (proof.mission_id, moment_to_ms(proof.at)) != (
+        row.mission_id,
+        row.delivered_ms,
+    ):
+        return True
+    evidence = data.get("evidence") or {}
+    masses_kg, place = evidence.get("mass_kg"), evidence.get("place")
+    notified = {
+        "provider_id": data.get("provider_id"),
+        "drone_id": data.get("drone_id"),
+        "load_before_kg": evidence.get("load_before_kg"),
+        "load_after_kg": evidence.get("load_after_kg"),
+        "mass_kg": masses_kg.get(row.package_id) if isinstance(masses_kg, Mapping) else None,
+        "position": place.get("position") if isinstance(place, Mapping) else None,
+    }
+    kept = proof.model_dump(mode="json")
+    # What the drone said in an unknown form was left out of the proof.
+    return any(
+        kept[name] is not None and value is not None and kept[name] != value
+        for name, value in notified.items()
+    )
+
+
+_DUE_LATER: Final = (
+    select(packages, deliveries.c.request)
+    .join(deliveries, deliveries.c.delivery_id == packages.c.delivery_id)
+    .where(not_(IS_DUE_AS_PROMISED))
+)
+
+
+def _is_due_otherwise(row: Any) -> bool:  # a row of _DUE_LATER
+    """Whether it is not due when promised, plus what its customer allows."""
+    qos = DeliveryRequest.read(row.request).qos
+    if row.promised_ms is None or qos.may_be_later_s == 0:
+        return True
+    p90_at = None if row.promised_p90_ms is None else ms_to_moment(row.promised_p90_ms)
+    due_at = due_of(ms_to_moment(row.promised_ms), p90_at, qos)
+    # The parts of a millisecond that are not stored may add up to another one.
+    return bool(abs(row.due_ms - moment_to_ms(due_at)) > 1)
+
+
+async def _other_promises(survey: Survey) -> list[str]:
+    """Packages whose promise is not that of their delivery's last event that planned them."""
+    planned: dict[tuple[str, str], Any] = {}
+    plans = events.c.type == "delivery.planned"
+    async for event in survey.each(select(events).where(plans).order_by(events.c.sequence)):
+        for each in json.loads(event.body)["data"]["packages"]:
+            planned[event.delivery_id, each["package_id"]] = each
+    names = {"promised_ms": "eta_at", "promised_p90_ms": "eta_p90_at", "due_ms": "due_at"}
+    return [
+        f"{row.delivery_id}/{row.package_id}"
+        async for row in survey.each(select(packages))
+        if not (row.mission_id is None and row.promised_ms is None)
+        and any(
+            not _is_same_moment(getattr(row, name), event.get(member))
+            for event in [planned.get((row.delivery_id, row.package_id), {})]
+            for name, member in names.items()
+        )
+    ]
+
+
+def _is_same_moment(moment_ms: int | None, text: str | None) -> bool:
+    """Whether a stored moment is that of an event, up to the rounding to a millisecond."""
+    if moment_ms is None or text is None:
+        return moment_ms is None and text is None
+    return abs(moment_ms - moment_to_ms(datetime.fromisoformat(text))) <= 1
+
+
+PACKAGES: Final = (
+    Rule(
+        "a package has the promise that its customer was notified of",
+        _other_promises,
+        "Set `promised_ms`, `promised_p90_ms` and `due_ms` to `eta_at`, `eta_p90_at` and `due_at` "
+        "of the delivery's last event `delivery.planned`.",
+    ),
+    Rule(
+        "I6 a package on its way has one mission, which is under way",
+        select(_name).where(
+            ~_is_settled,
+            or_(packages.c.mission_id.is_not(None), packages.c.state != "CREATED"),
+            ~exists().where(_is_its_mission, _is_live),
+        ),
+        "Nothing will end this package's way. See in composition how its mission ended (GET "
+        "/v1/missions/{id}), and correct the package or the mission here.",
+    ),
+    Rule(
+        "I6 a package's mission is one of its delivery's",
+        select(_name).where(packages.c.mission_id.is_not(None), ~exists().where(_is_its_mission)),
+        "Set `mission_id` to the mission of this delivery that carries the package: composition's "
+        "`custody` names it.",
+    ),
+    Rule(
+        "I6 a package's chain of custody has no gap",
+        any_of(
+            _name,
+            _link_count() != packages.c.custody_seq,
+            _link_count(custody.c.seq.between(1, packages.c.custody_seq)) != packages.c.custody_seq,
+        ),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 a package's custodian is the last one of its chain",
+        select(_name).where(
+            _link_count(
+                custody.c.seq == packages.c.custody_seq,
+                custody.c.custodian_kind == packages.c.custodian_kind,
+                custody.c.custodian_id == packages.c.custodian_id,
+            )
+            != 1
+        ),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 a package is delivered once, and then with its recipient",
+        any_of(
+            _name,
+            _link_count(custody.c.custodian_kind == "RECIPIENT") > 1,
+            and_(_is_delivered, ~_is_with_recipient),
+            and_(~_is_delivered, _is_with_recipient),
+        ),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 a package is where its state says",
+        select(_name).where(
+            ~or_(
+                *(
+                    and_(packages.c.custodian_kind == kind, packages.c.state.in_(states))
+                    for kind, states in _MAY_HAVE.items()
+                )
+            )
+        ),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 a chain of custody begins at the pickup",
+        each_where(package_stories, _begins_elsewhere),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 packages pass from station to drone and from drone to station or recipient",
+        each_where(package_stories, _has_impossible_link),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 only drones of the delivery's missions have its packages",
+        each_where(package_stories, _is_carried_by_another),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 a package is delivered at its destination or its alternative",
+        each_where(package_stories, _is_delivered_elsewhere),
+        _FROM_EVENTS,
+    ),
+    Rule(
+        "I6 a package ends as its customer was notified",
+        each_where(package_stories, _ends_otherwise_than_notified),
+        _FROM_EVENTS,
+    ),
+    Rule(
+        "a delivered package has the proof of its hand-over",
+        each_where(_delivered, _proof_differs),
+        "The event `package.delivered` has the same evidence: correct `proof`, or the columns that "
+        "differ from it.",
+    ),
+    Rule(
+        "a package has a P90 only with a promise, and not before it",
+        select(_name).where(
+            packages.c.promised_p90_ms.is_not(None),
+            or_(
+                packages.c.promised_ms.is_(None),
+                packages.c.promised_p90_ms < packages.c.promised_ms,
+            ),
+        ),
+        "Set `promised_p90_ms` to null: it is an estimate, and the delivery does not need it.",
+    ),
+    Rule(
+        "a package is due at the moment that was promised",
+        rows_where(_DUE_LATER, _is_due_otherwise, *_NAMES),
+        "Set `due_ms` to `promised_p90_ms`, or `promised_ms` without it or with `promise` P50, and "
+        "add what the request allows (`may_be_later_s`), up to its deadline.",
+    ),
+)
