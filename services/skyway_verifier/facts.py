@@ -6,7 +6,8 @@ A fact says what its service has stored, and what is still on its way from there
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import Self
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,13 +17,13 @@ class PackageFacts:
     drones: frozenset[str] = frozenset()
     recipient: tuple[str, str | None] | None = None
 
-    def passed_to(self, kind: str, custodian_id: str, mission_id: str | None) -> "PackageFacts":
-        """The facts after the next link of its chain of custody."""
-        if kind == "DRONE":
-            return replace(self, drones=self.drones | {custodian_id})
-        if kind == "RECIPIENT" and self.recipient is None:
-            return replace(self, recipient=(custodian_id, mission_id))
-        return self
+    @classmethod
+    def of(cls, links: Iterable[tuple[str, str, str | None]]) -> Self:
+        """The facts by its chain: each custodian's kind and id, and the mission that passed it."""
+        chain = [*links]
+        recipients = [(custodian, by) for kind, custodian, by in chain if kind == "RECIPIENT"]
+        drones = frozenset(custodian for kind, custodian, _ in chain if kind == "DRONE")
+        return cls(drones, recipients[0] if recipients else None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from sqlalchemy import and_, exists, or_, select
 
 from skyway.contracts.candidate import Candidate
 from skyway.scheduling.stays import Slot, Stay, read_stays, stay_to_begin_at, stays_json
-from skyway_verifier.finders import any_of, rows_where
+from skyway_verifier.finders import any_of, readable, rows_where
 from skyway_verifier.rule import Rule, Survey
 
 _other = missions.alias("other")
@@ -41,12 +41,10 @@ def read_stored_stays(text: str) -> tuple[Stay, ...]:
 def _differs_from_plan(row: Any) -> bool:  # a row of missions
     """Whether its stays, or its end of service, are not those of the plan in its body."""
     record = read_record(row)
-    if row.served_ms != record.served_ms:
-        return True
     # A trouble makes the plan doubtful before the stays are saved again.
     is_sure = record.trouble is None and record.stuck is None
-    stays = record.stays
-    return is_sure and row.stays != (stays_json(stays) if stays else None)
+    stays = stays_json(record.stays) if record.stays else None
+    return row.served_ms != record.served_ms or (is_sure and row.stays != stays)
 
 
 async def _disconnected(survey: Survey) -> list[str]:
@@ -62,16 +60,13 @@ async def _disconnected(survey: Survey) -> list[str]:
         after.mission_id
         for queued in by_drone.values()
         for before, after in pairwise(queued)
-        if after.planned_conditions != NO_CONDITIONS and not _follows(before, after)
+        if after.planned_conditions != NO_CONDITIONS
+        and (before.stays is None or not readable(True, _follows, before, after))
     ]
 
 
 def _follows(before: Any, after: Any) -> bool:  # rows of missions
-    try:
-        candidate = Candidate.read(after.candidate)
-        stays = read_stays(before.stays)
-    except (ValueError, TypeError):
-        return before.stays is not None  # another rule names texts that cannot be read
+    candidate, stays = Candidate.read(after.candidate), read_stays(before.stays)
     begins = Slot(candidate.station_id, after.start_ms, candidate.soc)
     return stay_to_begin_at(stays, begins, not_left_before_ms=0) is not None
 

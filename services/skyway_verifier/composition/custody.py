@@ -1,24 +1,35 @@
-"""The rules of custody: each package has one custodian, one chain, and one delivery."""
+"""The rules of custody: each package has one custodian, one chain, and one delivery.
+
+No drone hands packages over sooner than it can fly there.
+"""
 
 import json
-from collections import Counter
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Final
 
+from skyway_composition.missions.following.plausibility import shortest_flight
 from skyway_composition.tables import (
     cancellations,
     custody,
     drone_links,
     guests,
     is_open,
+    mission_steps,
     missions,
+    stations,
 )
 from sqlalchemy import and_, exists, func, or_, select
 
+from skyway.contracts.candidate import Candidate
 from skyway.contracts.mission import Cancellation
-from skyway_verifier.composition.evidence import PackageStory, package_stories
+from skyway.drone.model import DroneModel
+from skyway.geo import Position, distance_m
 from skyway_verifier.composition.shares import owners
-from skyway_verifier.finders import each_where, rows_where
+from skyway_verifier.composition.steps import step_json
+from skyway_verifier.finders import each_where, readable, rows_where
 from skyway_verifier.rule import Rule, Survey
 from skyway_verifier.storage_rules import later_than
 
@@ -35,6 +46,9 @@ _is_last = ~exists().where(
     _following.c.seq > _link.c.seq,
 )
 
+#: Moments are stored in whole milliseconds.
+_ROUNDING_MS: Final = 1.0
+
 _ASK_PEOPLE: Final = (
     "Ask people where the package is: at its station, with its drone or with its recipient. Then "
     "correct the last row of `custody`, and notify the customer."
@@ -46,11 +60,81 @@ _TWO_DRONES: Final = (
 )
 
 
+@dataclass(slots=True)
+class PackageStory:
+    """A package of a delivery: its chain, and the missions that were to carry it."""
+
+    chain: list[Any] = field(default_factory=list)  # rows of custody, in order
+    pickups: set[str] = field(default_factory=set)
+    goals: set[str] = field(default_factory=set)
+    #: Missions that were given up: a late hand-over by their drone is recorded without its step.
+    given_up: set[str] = field(default_factory=set)
+    #: (mission, station) of each hand-over to a recipient that a drone has reported.
+    handed_over: list[tuple[str, str]] = field(default_factory=list)
+
+    @property
+    def delivered(self) -> Any | None:  # a row of custody
+        """The link to its recipient."""
+        return next((row for row in self.chain if row.custodian_kind == "RECIPIENT"), None)
+
+
+async def package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageStory]:
+    """All packages by delivery and package, with what the missions and drones say of them."""
+    found: dict[tuple[str, str], PackageStory] = defaultdict(PackageStory)
+    chains = select(custody).order_by(custody.c.delivery_id, custody.c.package_id, custody.c.seq)
+    async for row in survey.each(chains):
+        found[row.delivery_id, row.package_id].chain.append(row)
+    owner_of, delivery_of = await survey.once(owners), dict[str, str]()
+    columns = (
+        missions.c[name] for name in ("mission_id", "delivery_id", "request", "aims", "state")
+    )
+    async for row in survey.each(select(*columns)):
+        delivery_of[row.mission_id] = row.delivery_id
+        for package_id, (pickup, goals) in (readable(None, _requested, row) or {}).items():
+            owner = owner_of.get((row.mission_id, package_id), (row.delivery_id, package_id))
+            if owner is not None:
+                found[owner].pickups.add(pickup)
+                found[owner].goals |= goals
+                if row.state in ("ABORTED", "CANCELLED", "REFUSED"):
+                    found[owner].given_up.add(row.mission_id)
+    done = mission_steps.c.status == "ENDED", mission_steps.c.kind == "DELIVER"
+    async for row in survey.each(select(mission_steps).where(*done)):
+        is_cut, step = '"code":"CUT"' in (row.event or ""), step_json(row) or {}
+        for package_id in () if is_cut else step.get("package_ids", ()):
+            alone = delivery_of.get(row.mission_id, ""), package_id
+            owner = owner_of.get((row.mission_id, package_id), alone)
+            if owner is not None:
+                place = row.mission_id, step.get("station_id", "")
+                found[owner].handed_over.append(place)
+    return found
+
+
+def _requested(row: Any) -> dict[str, tuple[str, set[str]]]:  # a row of missions
+    """By package of a mission: its pickup, and where it may be delivered."""
+    request, aims = json.loads(row.request), json.loads(row.aims)
+    return {
+        each["package_id"]: (
+            request["pickup"]["station_id"],
+            {
+                place["station_id"]
+                for place in (
+                    each["destination"],
+                    each.get("alternative"),
+                    *(aim for aim in aims if aim["package_id"] == each["package_id"]),
+                )
+                if place
+            },
+        )
+        for each in request["packages"]
+    }
+
+
 def _begins_elsewhere(story: PackageStory) -> bool:
-    if not story.chain or not story.pickups:
-        return bool(story.pickups)
-    first = story.chain[0]
-    return first.custodian_kind != "STATION" or first.custodian_id not in story.pickups
+    first = story.chain[0] if story.chain else None
+    is_at_pickup = (
+        first and first.custodian_kind == "STATION" and first.custodian_id in story.pickups
+    )
+    return bool(story.pickups) and not is_at_pickup
 
 
 def _has_impossible_link(story: PackageStory) -> bool:
@@ -123,6 +207,51 @@ async def _carried_by_two(survey: Survey) -> list[str]:
         for package_id in state.get("package_ids", ())
     )
     return [package for package, drones in carried.items() if drones > 1]
+
+
+@dataclass(slots=True)
+class _Trip:
+    """Where the drone of a mission loaded and delivered, with the moments, in their order."""
+
+    pickup: str
+    model: DroneModel
+    places: list[tuple[int, str]] = field(default_factory=list)
+
+
+async def _too_fast(survey: Survey) -> list[str]:
+    position_of = {
+        row.station_id: Position(row.longitude_deg, row.latitude_deg)
+        async for row in survey.each(select(stations))
+    }
+    trips: dict[str, _Trip | None] = {}
+    columns = select(missions.c.mission_id, missions.c.candidate, missions.c.request)
+    async for row in survey.each(columns):
+        trips[row.mission_id] = readable(None, _trip, row)
+    links = select(custody).where(custody.c.custodian_kind.in_(("DRONE", "RECIPIENT")))
+    async for row in survey.each(links.order_by(custody.c.at_ms, custody.c.seq)):
+        if (trip := trips.get(row.mission_id)) is not None:
+            is_loading = row.custodian_kind == "DRONE"
+            trip.places.append((row.at_ms, trip.pickup if is_loading else row.custodian_id))
+    return [key for key, trip in trips.items() if trip and _is_too_fast(trip, position_of)]
+
+
+def _trip(row: Any) -> _Trip:  # a row of missions
+    pickup = json.loads(row.request)["pickup"]["station_id"]
+    return _Trip(pickup, Candidate.read(row.candidate).model)
+
+
+def _is_too_fast(trip: _Trip, position_of: Mapping[str, Position]) -> bool:
+    known: Sequence[tuple[int, Position]] = [
+        (at_ms, position_of[station_id])
+        for at_ms, station_id in trip.places
+        if station_id in position_of
+    ]
+    return any(
+        after_ms - before_ms
+        < shortest_flight(distance_m(before, after), trip.model).total_seconds() * 1000
+        - _ROUNDING_MS
+        for (before_ms, before), (after_ms, after) in pairwise(known)
+    )
 
 
 CUSTODY: Final = (
@@ -238,5 +367,12 @@ CUSTODY: Final = (
         ),
         "All rows of the chain were deleted. The gateway has the same chain (its table "
         "`custody`): copy the rows from there.",
+    ),
+    Rule(
+        "I6 no drone hands packages over sooner than it can fly there",
+        _too_fast,
+        "The drone cannot have been at both stations at these moments: it was believed wrongly, or "
+        "a row of `custody` was changed. Ask people where the packages are, and do not pay the "
+        "mission before they have answered.",
     ),
 )

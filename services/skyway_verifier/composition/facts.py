@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from skyway_composition.missions.mission.row import PROMISED
 from skyway_composition.tables import (
-    custody,
     deliveries,
     drone_links,
     is_live,
@@ -22,6 +21,7 @@ from sqlalchemy import func, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.units import moment_to_ms
+from skyway_verifier.composition.custody import package_stories
 from skyway_verifier.composition.shares import guests_of_hosts, owners, shares_of
 from skyway_verifier.facts import (
     CopyFacts,
@@ -107,11 +107,12 @@ async def _packages(survey: Survey) -> Mapping[str, dict[str, PackageFacts]]:
         for row in rows
     }
     found: dict[str, dict[str, PackageFacts]] = defaultdict(dict)
-    async for row in survey.each(select(custody).order_by(custody.c.seq)):
-        mission_id = guest_id.get((row.mission_id, row.delivery_id), row.mission_id)
-        of = found[row.delivery_id]
-        before = of.get(row.package_id, PackageFacts())
-        of[row.package_id] = before.passed_to(row.custodian_kind, row.custodian_id, mission_id)
+    for (delivery_id, package_id), story in (await survey.once(package_stories)).items():
+        links = (
+            (row.custodian_kind, row.custodian_id, guest_id.get((by, delivery_id), by))
+            for row, by in ((row, row.mission_id) for row in story.chain)
+        )
+        found[delivery_id][package_id] = PackageFacts.of(links)
     return found
 
 

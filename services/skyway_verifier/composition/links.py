@@ -22,7 +22,7 @@ from sqlalchemy import exists, func, select
 from skyway.bounds import LATEST
 from skyway.contracts.topics import INSTRUCTIONS
 from skyway.units import moment_to_ms
-from skyway_verifier.finders import any_of, rows_where
+from skyway_verifier.finders import any_of, readable, repeats, rows_where
 from skyway_verifier.rule import Rule, Survey
 from skyway_verifier.storage_rules import replica_rule
 
@@ -63,11 +63,10 @@ _COUNTERS: Final = (
 
 
 def _differs(row: Any) -> bool:  # a row of instructions
-    names = ["instruction_id", "stream", "seq", "kind"]
-    if row.mission_id is not None:  # the mission of an answered instruction may be deleted
-        names += ["mission_id", "mission_revision"]
-    body = json.loads(row.body)
-    return any(body[name] != getattr(row, name) for name in names)
+    # The mission of an answered instruction may be deleted.
+    of_mission = () if row.mission_id is None else ("mission_id", "mission_revision")
+    names = "instruction_id", "stream", "seq", "kind", *of_mission
+    return not repeats(row, json.loads(row.body), *names)
 
 
 _REPEATED: Final = (
@@ -80,16 +79,13 @@ _REPEATED: Final = (
 def _is_changed(row: Any) -> bool:  # a row of _REPEATED
     """Whether the outbox repeats an instruction with another text, or to another drone."""
     is_here = row.address == INSTRUCTIONS(row.provider_id, row.drone_id).name
-    return not (is_here and _is_same(row.body, row.payload))
+    return not (is_here and readable(False, _is_same, row.body, row.payload))
 
 
 def _is_same(body: str, payload: bytes) -> bool:
     """Whether a message is the stored instruction; the message also has a trace context."""
-    try:
-        stored, sent = json.loads(body), json.loads(payload)
-        return bool(stored | {"traceparent": None} == sent | {"traceparent": None})
-    except (ValueError, TypeError):
-        return False
+    stored, sent = json.loads(body), json.loads(payload)
+    return bool(stored | {"traceparent": None} == sent | {"traceparent": None})
 
 
 def _is_wrongly_occupied(row: Any) -> bool:  # a row of drone_links
@@ -103,31 +99,22 @@ def _is_wrongly_occupied(row: Any) -> bool:  # a row of drone_links
 
 async def _wrongly_counted(survey: Survey) -> list[str]:
     """Drones whose link does not count a stored event, or counts events that nobody has sent."""
-    links, known = {}, {}
-    async for row in survey.each(select(drone_links)):
-        links[row.drone_id] = row.stream, row.last_event_seq
-        known[row.drone_id] = _events_in_state(row.state, row.stream)
-    stored = await _stored_events(survey, {drone: stream for drone, (stream, _) in links.items()})
-    return sorted(
-        drone_id
-        for drone_id, (_, last_seq) in links.items()
-        if last_seq < stored[drone_id]
-        or (
-            (in_state := known[drone_id]) is not None
-            and last_seq > max(in_state, stored[drone_id]) + _MOST_EVENTS_BEFORE_STATE
-        )
-    )
+    links = {row.drone_id: row async for row in survey.each(select(drone_links))}
+    stored = await _stored_events(survey, {drone: row.stream for drone, row in links.items()})
+    found = []
+    for drone_id, row in links.items():
+        in_state = 0 if row.state is None else readable(None, _events_in_state, row)
+        most = None if in_state is None else max(in_state, stored[drone_id])
+        is_more = most is not None and row.last_event_seq > most + _MOST_EVENTS_BEFORE_STATE
+        if is_more or row.last_event_seq < stored[drone_id]:
+            found.append(drone_id)
+    return found
 
 
-def _events_in_state(state: str | None, stream: int) -> int | None:
+def _events_in_state(row: Any) -> int | None:  # a row of drone_links
     """How many events a drone has sent by its last state; None if it follows another stream."""
-    if state is None:
-        return 0
-    try:
-        value = json.loads(state)
-        return int(value["last_event_seq"]) if value["stream"] == stream else None
-    except (ValueError, KeyError, TypeError):
-        return None  # another rule names texts that cannot be read
+    value = json.loads(row.state)
+    return int(value["last_event_seq"]) if value["stream"] == row.stream else None
 
 
 async def _stored_events(survey: Survey, streams: Mapping[str, int]) -> Counter[str]:
@@ -141,27 +128,22 @@ async def _stored_events(survey: Survey, streams: Mapping[str, int]) -> Counter[
     )
     for query in (events.where(mission_steps.c.event.is_not(None)), cuts):
         async for row in survey.each(query):
-            seq = _number_in(row.event, stream=streams.get(row.drone_id, 0))
+            seq = readable(0, _number_in, row.event, streams.get(row.drone_id, 0))
             found[row.drone_id] = max(found[row.drone_id], seq)
     async for row in survey.each(select(instructions)):
         if row.stream == streams.get(row.drone_id):
-            found[row.drone_id] = max(found[row.drone_id], _confirmed(row.body))
+            seq = readable(0, _confirmed, row.body)
+            found[row.drone_id] = max(found[row.drone_id], seq)
     return found
 
 
-def _number_in(event: str, *, stream: int) -> int:
-    try:
-        value = json.loads(event)
-        return int(value["seq"]) if value["stream"] == stream else 0
-    except (ValueError, KeyError, TypeError):
-        return 0
+def _number_in(event: str, stream: int) -> int:
+    value = json.loads(event)
+    return int(value["seq"]) if value["stream"] == stream else 0
 
 
 def _confirmed(instruction: str) -> int:
-    try:
-        return int(json.loads(instruction)["events_confirmed_seq"])
-    except (ValueError, KeyError, TypeError):
-        return 0
+    return int(json.loads(instruction)["events_confirmed_seq"])
 
 
 LINKS: Final = (

@@ -3,7 +3,6 @@
 import json
 from collections import defaultdict
 from collections.abc import Mapping
-from datetime import datetime
 from typing import Any, Final
 
 from skyway_composition.tables import (
@@ -24,9 +23,8 @@ from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.mission_reports import MissionReport
-from skyway.units import moment_to_ms
 from skyway_verifier.composition.shares import shares_of
-from skyway_verifier.finders import any_of, rows_where
+from skyway_verifier.finders import any_of, differs, ms_of, repeats, rows_where
 from skyway_verifier.rule import Rule, Survey
 from skyway_verifier.storage_rules import later_than
 
@@ -36,14 +34,16 @@ _AGAINST_BODY: Final = (
 )
 #: The columns that `missions.body` repeats.
 _REPEATED: Final = (
-    "mission_id",
-    "delivery_id",
-    "attempt",
-    "trip",
-    "provider_id",
-    "drone_id",
-    "state",
-    "loading",
+    *(
+        "mission_id",
+        "delivery_id",
+        "attempt",
+        "trip",
+        "provider_id",
+        "drone_id",
+        "state",
+        "loading",
+    ),
 )
 #: Missions that need a plan are looked at every 2 s; clocks of machines may differ. Wall ms.
 _LONGEST_WAIT_MS: Final = 600_000
@@ -62,20 +62,15 @@ _RECEIVERS: Final = ("gateway", "registry")
 
 def _differs(row: Any) -> bool:  # a row of missions
     body, request, candidate = map(json.loads, (row.body, row.request, row.candidate))
-    packages = {each["package_id"] for each in request["packages"]}
+    moments = {"start_ms": ms_of(body["start_at"]), "released_ms": ms_of(body["released_at"])}
+    flown, asked = ({each["package_id"] for each in of["packages"]} for of in (body, request))
     return (
-        any(body[name] != getattr(row, name) for name in _REPEATED)
-        or _ms(body["start_at"]) != row.start_ms
-        or _ms(body["released_at"]) != row.released_ms
-        or (body["loading"] != row.loading)
+        not repeats(row, body, *_REPEATED)
+        or not repeats(row, candidate, "drone_id", "provider_id")
+        or differs(row, moments)
         or row.pooling_at not in (None, request["pickup"]["station_id"])
-        or (candidate["drone_id"], candidate["provider_id"]) != (row.drone_id, row.provider_id)
-        or not {each["package_id"] for each in body["packages"]} <= packages
+        or not flown <= asked
     )
-
-
-def _ms(text: str) -> int:
-    return moment_to_ms(datetime.fromisoformat(text))
 
 
 async def _other_expiries(survey: Survey) -> list[str]:
@@ -87,7 +82,7 @@ async def _other_expiries(survey: Survey) -> list[str]:
     )
     sent: dict[tuple[str, int], set[int]] = defaultdict(set)
     for row in await survey.rows(query):
-        sent[row.mission_id, row.expires_ms].add(_ms(json.loads(row.body)["expires_at"]))
+        sent[row.mission_id, row.expires_ms].add(ms_of(json.loads(row.body)["expires_at"]))
     return [mission_id for (mission_id, at_ms), ends in sent.items() if at_ms not in ends]
 
 
@@ -104,20 +99,15 @@ def _is_in_doubt(row: Any) -> bool:  # a row of missions
 
 
 async def _lost_proposals(survey: Survey) -> list[str]:
-    query = select(missions.c.mission_id, missions.c.proposal).where(
-        missions.c.proposal.is_not(None)
-    )
-    proposed = {
-        row.mission_id: json.loads(row.proposal)["instruction_id"]
-        for row in await survey.rows(query)
-    }
-    if not proposed:
-        return []
-    answered = select(instructions.c.instruction_id).where(
-        instructions.c.instruction_id.in_(proposed.values()), _is_open
-    )
-    sent = {row[0] for row in await survey.rows(answered)}
-    return [mission_id for mission_id, each in proposed.items() if each not in sent]
+    columns = select(missions.c.mission_id, missions.c.proposal)
+    proposing = await survey.rows(columns.where(missions.c.proposal.is_not(None)))
+    unanswered = await survey.rows(select(instructions.c.instruction_id).where(_is_open))
+    waiting = {row.instruction_id for row in unanswered}
+    return [
+        row.mission_id
+        for row in proposing
+        if json.loads(row.proposal)["instruction_id"] not in waiting
+    ]
 
 
 MISSIONS: Final = (

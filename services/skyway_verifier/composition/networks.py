@@ -35,10 +35,9 @@ from skyway_composition.tables import (
 from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.weather import ForecastDocument, MeasuredWind
-from skyway.errors import InvalidInput
 from skyway.network.geojson_text import read_network_text
 from skyway.units import NEVER_MS, moment_to_ms, ms_to_moment
-from skyway_verifier.finders import rows_where
+from skyway_verifier.finders import readable, rows_where
 from skyway_verifier.rule import Rule, Survey
 
 _is_current = and_(
@@ -95,18 +94,15 @@ async def _unusable_forecasts(survey: Survey) -> list[str]:
     """The networks whose forecast was changed, or cannot be read."""
     latest_ms = NEVER_MS if survey.fleet_ms is None else survey.fleet_ms
     rows = survey.each(select(forecasts))
-    return [row.network_id async for row in rows if _is_unusable(row, latest_ms)]
+    return [row.network_id async for row in rows if readable(True, _is_unusable, row, latest_ms)]
 
 
 def _is_unusable(row: Any, latest_ms: int) -> bool:  # a row of forecasts
-    try:
-        document = ForecastDocument.read(row.content)
-        forecast_of(document)
-        moments = [document.issued_at - timedelta(hours=1), ms_to_moment(row.received_ms)]
-        if row.measured is not None:
-            moments.append(MeasuredWind.read(row.measured).at)
-    except (ValueError, InvalidInput):
-        return True
+    document = ForecastDocument.read(row.content)
+    forecast_of(document)
+    moments = [document.issued_at - timedelta(hours=1), ms_to_moment(row.received_ms)]
+    if row.measured is not None:
+        moments.append(MeasuredWind.read(row.measured).at)
     if max(map(moment_to_ms, moments)) > latest_ms or moments[0] > moments[1]:
         return True
     return _is_changed(row)

@@ -4,7 +4,8 @@ A hold of an offer keeps its drones and its pads until one moment.
 """
 
 import json
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from skyway_composition.missions.booking.hold_store import HELD_OFFERS, HeldOffer, pads_of_offers
@@ -25,6 +26,7 @@ from skyway.contracts.flight_step import RechargeStep
 from skyway.ids import MissionId
 from skyway.scheduling.trip import BookedPad, merged, without
 from skyway.units import moment_to_ms
+from skyway_verifier.finders import each_where, readable
 from skyway_verifier.rule import Rule, Survey
 
 _one = pad_reservations.alias("one")
@@ -51,14 +53,19 @@ _RELEASE: Final = (
 )
 
 
-async def _unreserved(survey: Survey) -> list[str]:
-    needed, held = await survey.once(_needed_pads), await survey.once(_held_pads)
-    return [each for each, pads in needed.items() if not pads <= held.get(each, set())]
+async def _pads(survey: Survey) -> Mapping[str, tuple[set[BookedPad], set[BookedPad]]]:
+    """By mission: the pads that it needs, and those that it holds."""
+    held = _reserved(await survey.rows(select(pad_reservations)), "mission_id")
+    return {key: (pads, held[key]) for key, pads in (await _needed_pads(survey)).items()}
 
 
-async def _hoarded(survey: Survey) -> list[str]:
-    needed, held = await survey.once(_needed_pads), await survey.once(_held_pads)
-    return [each for each, pads in needed.items() if not held.get(each, set()) <= pads]
+def _reserved(rows: Iterable[Any], key: str) -> dict[str, set[BookedPad]]:
+    """The pads in rows of pad_reservations, by the mission or the hold that has them."""
+    found: dict[str, set[BookedPad]] = defaultdict(set)
+    for row in rows:
+        booked = BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms)
+        found[getattr(row, key)].add(booked)
+    return found
 
 
 async def _needed_pads(survey: Survey) -> dict[MissionId, set[BookedPad]]:
@@ -72,11 +79,8 @@ async def _needed_pads(survey: Survey) -> dict[MissionId, set[BookedPad]]:
             is_open, missions.c.stuck.is_(None)
         )
     )
-    needed: dict[MissionId, list[BookedPad]] = {}
-    gaps_ms: dict[MissionId, int] = {}
-    for row in live:
-        gaps_ms[row.mission_id] = _gap_ms(json.loads(row.body))
-        needed[row.mission_id] = _proposed_pads(row.proposal)
+    gaps_ms = {row.mission_id: _gap_ms(json.loads(row.body)) for row in live}
+    needed = {row.mission_id: _proposed_pads(row.proposal) for row in live}
     charging = await survey.rows(
         select(mission_steps.c.mission_id, mission_steps.c.step, mission_steps.c.ended_ms)
         .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
@@ -88,8 +92,8 @@ async def _needed_pads(survey: Survey) -> dict[MissionId, set[BookedPad]]:
         )
     )
     for row in charging:
-        gap_ms = gaps_ms[row.mission_id]
-        needed[row.mission_id] += _session(json.loads(row.step), gap_ms, ended_ms=row.ended_ms)
+        session = _session(json.loads(row.step), gaps_ms[row.mission_id], ended_ms=row.ended_ms)
+        needed[row.mission_id] += session
     queued = await _queued_pads(survey)
     return {
         mission_id: set(without(merged(pads), queued.get(mission_id, ())))
@@ -97,11 +101,11 @@ async def _needed_pads(survey: Survey) -> dict[MissionId, set[BookedPad]]:
     }
 
 
-async def _queued_pads(survey: Survey) -> dict[MissionId, list[BookedPad]]:
+async def _queued_pads(survey: Survey) -> Mapping[str, set[BookedPad]]:
     """By mission: the pads that later missions of its drone hold, which wait in the calendar."""
     waiting = missions.alias("waiting")
     rows = await survey.rows(
-        select(missions.c.mission_id, pad_reservations)
+        select(missions.c.mission_id.label("before_id"), pad_reservations)
         .join(waiting, waiting.c.drone_id == missions.c.drone_id)
         .join(pad_reservations, pad_reservations.c.mission_id == waiting.c.mission_id)
         .where(
@@ -109,11 +113,7 @@ async def _queued_pads(survey: Survey) -> dict[MissionId, list[BookedPad]]:
             waiting.c.state == "QUEUED",
         )
     )
-    queued: dict[MissionId, list[BookedPad]] = {}
-    for mission_id, *columns in rows:
-        station_id, pad, start_ms, end_ms, *_ = columns
-        queued.setdefault(mission_id, []).append(BookedPad(station_id, pad, start_ms, end_ms))
-    return queued
+    return _reserved(rows, "before_id")
 
 
 def _proposed_pads(text: str | None) -> list[BookedPad]:
@@ -135,26 +135,15 @@ def _session(
         return []
     recharge = RechargeStep.model_validate(step)
     start_ms, end_ms = moment_to_ms(recharge.not_before_at), moment_to_ms(recharge.not_after_at)
-    if start_ms >= end_ms:
+    until_ms = gap_ms + (end_ms if ended_ms is None else min(end_ms, ended_ms))
+    if start_ms >= min(end_ms, until_ms):
         return []
-    end_ms = gap_ms + (end_ms if ended_ms is None else min(end_ms, ended_ms))
-    if start_ms >= end_ms:
-        return []
-    return [BookedPad(recharge.station_id, recharge.pad, start_ms, end_ms)]
+    return [BookedPad(recharge.station_id, recharge.pad, start_ms, until_ms)]
 
 
 def _gap_ms(mission: Mapping[str, Any]) -> int:  # the JSON of a Mission
     gap_s: float = mission["margins"]["pad_gap_s"]
     return round(gap_s * 1000)
-
-
-async def _held_pads(survey: Survey) -> dict[MissionId, set[BookedPad]]:
-    held: dict[MissionId, set[BookedPad]] = {}
-    of_missions = select(pad_reservations).where(pad_reservations.c.mission_id.is_not(None))
-    for row in await survey.rows(of_missions):
-        booked = BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms)
-        held.setdefault(row.mission_id, set()).add(booked)
-    return held
 
 
 PADS: Final = (
@@ -203,10 +192,14 @@ PADS: Final = (
         "Nobody uses the pad, and nobody else can. Delete the rows of `pad_reservations` of this "
         "mission once its drone has left the pad.",
     ),
-    Rule("I3 a mission holds the pads of its steps", _unreserved, _REPLAN),
+    Rule(
+        "I3 a mission holds the pads of its steps",
+        each_where(_pads, lambda pads: not pads[0] <= pads[1]),
+        _REPLAN,
+    ),
     Rule(
         "I3 a mission holds no pad that it does not need",
-        _hoarded,
+        each_where(_pads, lambda pads: not pads[1] <= pads[0]),
         "Other drones could use the pad. " + _REPLAN,
     ),
 )
@@ -216,23 +209,20 @@ async def _holds(survey: Survey) -> dict[str, tuple[int, tuple[HeldOffer, ...]]]
     """By hold: until when it lasts, and its offers; a text that cannot be read is left out."""
     found = {}
     for row in await survey.rows(select(offer_holds)):
-        try:
-            found[row.hold_id] = (row.until_ms, HELD_OFFERS.validate_json(row.offers))
-        except ValueError:
-            continue  # another rule names texts that cannot be read
+        offers = readable(None, HELD_OFFERS.validate_json, row.offers)
+        if offers is not None:
+            found[row.hold_id] = row.until_ms, offers
     return found
 
 
 async def _without_drone(survey: Survey) -> list[str]:
     """Holds with a drone that no hold keeps; a later hold may have it after this one expired."""
-    kept: dict[str, Any] = {}  # rows of drone_links
-    for row in await survey.rows(select(drone_links).where(drone_links.c.held_by.is_not(None))):
-        kept[row.drone_id] = row
+    held = select(drone_links).where(drone_links.c.held_by.is_not(None))
+    kept_ms = {row.drone_id: row.held_until_ms for row in await survey.rows(held)}
     return [
         hold_id
         for hold_id, (until_ms, offers) in (await survey.once(_holds)).items()
-        for drone_id in {each for held in offers for each in held.drone_ids}
-        if drone_id not in kept or kept[drone_id].held_until_ms < until_ms
+        if any(kept_ms.get(each, 0) < until_ms for held in offers for each in held.drone_ids)
     ]
 
 
@@ -241,16 +231,12 @@ async def _without_pads(survey: Survey) -> list[str]:
 
     A drone on a mission may share pads with this mission, so nobody knows which ones it needs.
     """
-    reserved: dict[str, set[BookedPad]] = {}
-    of_holds = select(pad_reservations).where(pad_reservations.c.hold_id.is_not(None))
-    for row in await survey.rows(of_holds):
-        pad = BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms)
-        reserved.setdefault(row.hold_id, set()).add(pad)
+    reserved = _reserved(await survey.rows(select(pad_reservations)), "hold_id")
     return [
         hold_id
         for hold_id, (_, offers) in (await survey.once(_holds)).items()
         if not any(held.calendars for held in offers)
-        and set(pads_of_offers(offers)) != reserved.get(hold_id, set())
+        and set(pads_of_offers(offers)) != reserved[hold_id]
     ]
 
 

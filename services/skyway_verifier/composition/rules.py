@@ -37,10 +37,8 @@ from skyway_verifier.composition.missions import MISSIONS, NO_SHOWS, REPORTS
 from skyway_verifier.composition.networks import CLOSURES, NETWORKS
 from skyway_verifier.composition.pads import HOLDS, PADS
 from skyway_verifier.composition.quarantine import QUARANTINE
-from skyway_verifier.composition.reach import REACH
 from skyway_verifier.composition.shares import SHARED
 from skyway_verifier.composition.steps import STEPS
-from skyway_verifier.composition.windows import WINDOWS
 from skyway_verifier.rule import Rule
 from skyway_verifier.storage_rules import outbox_rules, storage_rules
 from skyway_verifier.stored_forms import form_rule
@@ -90,10 +88,8 @@ RULES: Final[tuple[Rule, ...]] = (
     *CALENDARS,
     *HOLDS,
     *STEPS,
-    *WINDOWS,
     *SHARED,
     *CUSTODY,
-    *REACH,
     *PADS,
     *CLOSURES,
     *NETWORKS,

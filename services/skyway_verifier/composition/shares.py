@@ -9,7 +9,7 @@ from skyway_composition.missions.mission.share import Share, read_shares
 from skyway_composition.tables import custody, deliveries, guests, is_open, missions
 from sqlalchemy import and_, exists, select
 
-from skyway_verifier.finders import each_where
+from skyway_verifier.finders import each_where, readable
 from skyway_verifier.rule import Rule, Survey
 
 
@@ -18,10 +18,8 @@ async def shares_of(survey: Survey) -> Mapping[str, tuple[Share, ...]]:
     found: dict[str, tuple[Share, ...]] = {}
     query = select(missions.c.mission_id, missions.c.shares).where(missions.c.shares.is_not(None))
     async for row in survey.each(query):
-        try:
-            found[row.mission_id] = read_shares(row.shares)
-        except ValueError:
-            continue  # another rule names texts that cannot be read
+        if (shares := readable(None, read_shares, row.shares)) is not None:
+            found[row.mission_id] = shares
     return found
 
 
@@ -95,21 +93,21 @@ async def _far_pickups(survey: Survey) -> set[str]:
     found: set[str] = set()
     query = select(missions.c.mission_id, missions.c.request).where(missions.c.shares.is_not(None))
     async for row in survey.each(query):
-        try:
-            pickup = json.loads(row.request)["pickup"]["station_id"]
-        except (ValueError, KeyError, TypeError):
-            continue  # another rule names texts that cannot be read
-        near = [
-            (share.mission_id, share.near)
+        pickup = readable(None, _pickup, row.request)
+        if pickup is not None and any(
+            share.mission_id == row.mission_id
+            or share.near.asked_station_id == pickup
+            or share.near.away_m > share.near.within_m
             for share in shares.get(row.mission_id, ())
             if share.near is not None
-        ]
-        if any(
-            of == row.mission_id or each.asked_station_id == pickup or each.away_m > each.within_m
-            for of, each in near
         ):
             found.add(row.mission_id)
     return found
+
+
+def _pickup(request: str) -> str:
+    station_id: str = json.loads(request)["pickup"]["station_id"]
+    return station_id
 
 
 _FROM_GUESTS: Final = (

@@ -1,23 +1,46 @@
 """The rules of the steps of missions: they are what was sent, can be flown, and have evidence."""
 
 import json
-from collections.abc import Iterable, Iterator
-from datetime import datetime
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
 from typing import Any, Final
 
-from skyway_composition.tables import cut_steps, is_live, mission_steps, missions
+from skyway_composition.tables import cut_steps, instructions, is_live, mission_steps, missions
 from sqlalchemy import func, or_, select
 
 from skyway.contracts.candidate import Candidate
+from skyway.delivery.request import DeliveryRequest
 from skyway.drone.flight import flight_energy_j
 from skyway.drone.model import DroneModel
-from skyway.units import moment_to_ms
-from skyway_verifier.composition.evidence import SentMission, StepJson, sent_missions, step_json
-from skyway_verifier.finders import each_where, rows_where
+from skyway.units import ms_to_moment
+from skyway_verifier.finders import differs, each_where, ms_of, readable, repeats, rows_where
 from skyway_verifier.rule import Rule, Survey
 
 #: Share of the battery by which a stretch may be short: rounding only, as in the drone's own check.
 _ENERGY_TOLERANCE: Final = 1e-6
+
+#: Steps are kept in whole milliseconds, windows in microseconds.
+_ROUNDING: Final = timedelta(milliseconds=1)
+
+#: The kinds of instructions that carry steps.
+_REVISIONS: Final = ("MISSION", "DIVERT", "RETURN_HOME")
+
+#: A step's JSON: its members have values of every type.
+StepJson = Mapping[str, Any]
+
+#: The column of each member of a step, and the members that a step of a kind has beside these two.
+_COLUMNS: Final = {
+    "step_id": "step_id",
+    "kind": "kind",
+    "station_id": "station_id",
+    "pad": "pad",
+    "from": "from_station_id",
+    "to": "to_station_id",
+    "lands": "lands",
+}
+_MEMBERS: Final = {"FLY": ("from", "to", "lands"), "RECHARGE": ("station_id", "pad")}
 
 _cut_count = (
     select(func.count())
@@ -25,6 +48,45 @@ _cut_count = (
     .correlate(missions)
     .scalar_subquery()
 )
+
+
+@dataclass(slots=True)
+class SentMission:
+    """A mission's rows: its revision, its steps, and the steps that each revision has sent."""
+
+    revision: int
+    rows: list[Any] = field(default_factory=list)  # of mission_steps
+    sent: dict[int, dict[int, StepJson]] = field(default_factory=dict)
+
+
+async def sent_missions(survey: Survey) -> Mapping[str, SentMission]:
+    """All missions by id; a mission or an instruction that cannot be read is left out."""
+    found: dict[str, SentMission] = {}
+    async for row in survey.each(select(missions.c.mission_id, missions.c.body)):
+        revision = readable(None, lambda text: json.loads(text)["revision"], row.body)
+        if isinstance(revision, int):
+            found[row.mission_id] = SentMission(revision)
+    steps = select(mission_steps).order_by(mission_steps.c.mission_id, mission_steps.c.step_id)
+    async for row in survey.each(steps):
+        if row.mission_id in found:
+            found[row.mission_id].rows.append(row)
+    sent = select(instructions.c.mission_id, instructions.c.mission_revision, instructions.c.body)
+    of_steps = sent.where(instructions.c.kind.in_(_REVISIONS))
+    async for row in survey.each(of_steps.order_by(instructions.c.stream, instructions.c.seq)):
+        by_number = readable(None, _sent_steps, row.body)
+        if by_number is not None and row.mission_id in found:
+            found[row.mission_id].sent[row.mission_revision] = by_number
+    return found
+
+
+def _sent_steps(body: str) -> dict[int, StepJson]:
+    return {each["step_id"]: each for each in json.loads(body)["steps"]}
+
+
+def step_json(row: Any) -> StepJson | None:  # a row of mission_steps
+    """The step in a row; None if it cannot be read."""
+    step = readable(None, json.loads, row.step)
+    return step if isinstance(step, dict) else None
 
 
 def _differs_from_sent(mission: SentMission) -> bool:
@@ -38,71 +100,42 @@ def _differs_from_sent(mission: SentMission) -> bool:
 
 
 def _is_changed(mission: SentMission, row: Any) -> bool:  # a row of mission_steps
-    sent = mission.sent.get(row.revision)
-    step = step_json(row)
+    sent, step = mission.sent.get(row.revision), step_json(row)
     if sent is None or step is None:
         return False  # other rules name an instruction or a text that is missing
-    return _comparable(step) != _comparable(sent.get(row.step_id, {}))
-
-
-def _comparable(step: StepJson) -> StepJson:
-    """The step without `lands`, which a later revision may change."""
-    return {name: value for name, value in step.items() if name != "lands"}
+    # A later revision may change `lands`.
+    return {**step, "lands": None} != {**sent.get(row.step_id, {}), "lands": None}
 
 
 def _has_other_columns(mission: SentMission) -> bool:
-    return any(_columns_differ(row) for row in mission.rows)
+    return any(readable(False, _columns_differ, row) for row in mission.rows)
 
 
 def _columns_differ(row: Any) -> bool:  # a row of mission_steps
-    step = step_json(row)
-    if step is None:
-        return False
-    kind = step.get("kind")
-    is_flight = kind == "FLY"
-    stated = (
-        step.get("step_id"),
-        kind,
-        None if is_flight else step.get("station_id"),
-        step.get("pad") if kind == "RECHARGE" else None,
-        step.get("from") if is_flight else None,
-        step.get("to") if is_flight else None,
-        step.get("lands") if is_flight else None,
-        _ms(step.get("planned_start_at")),
-        _ms(step.get("planned_end_at")),
-    )
-    return stated != (
-        row.step_id,
-        row.kind,
-        row.station_id,
-        row.pad,
-        row.from_station_id,
-        row.to_station_id,
-        row.lands,
-        row.planned_start_ms,
-        row.planned_end_ms,
-    )
+    step = json.loads(row.step)
+    members = ("step_id", "kind", *_MEMBERS.get(step["kind"], ("station_id",)))
+    said = dict.fromkeys(_COLUMNS.values())
+    said |= {_COLUMNS[name]: step.get(name) for name in members}
+    said |= {f"planned_{end}_ms": ms_of(step[f"planned_{end}_at"]) for end in ("start", "end")}
+    return differs(row, said)
 
 
 def _lacks_evidence(mission: SentMission) -> bool:
-    return any(_evidence_differs(row) for row in mission.rows if row.status != "PLANNED")
+    return any(
+        row.event is None or row.ended_ms is None or readable(False, _evidence_differs, row)
+        for row in mission.rows
+        if row.status != "PLANNED"
+    )
 
 
 def _evidence_differs(row: Any) -> bool:  # a row of mission_steps that has ended
-    if row.event is None or row.ended_ms is None:
-        return True
-    try:
-        event = json.loads(row.event)
-        return (event["mission_id"], event["step_id"]) != (row.mission_id, row.step_id) or (
-            _ms(event["ended_at"]),
-            _ms(event["started_at"]),
-        ) != (row.ended_ms, row.started_ms)
-    except (ValueError, KeyError, TypeError):
-        return False  # another rule names texts that cannot be read
+    event = json.loads(row.event)
+    moments = {"ended_ms": ms_of(event["ended_at"]), "started_ms": _ms(event["started_at"])}
+    return not repeats(row, event, "mission_id", "step_id") or differs(row, moments)
 
 
-def _ms(text: Any) -> int | None:  # a member of a JSON object
-    return moment_to_ms(datetime.fromisoformat(text)) if isinstance(text, str) else None
+def _ms(text: str | None) -> int | None:
+    return None if text is None else ms_of(text)
 
 
 async def _short_of_energy(survey: Survey) -> list[str]:
@@ -111,7 +144,8 @@ async def _short_of_energy(survey: Survey) -> list[str]:
     return [
         row.mission_id
         for row in await survey.rows(query)
-        if row.mission_id in sent and _needs_too_much(sent[row.mission_id], row.candidate)
+        if row.mission_id in sent
+        and readable(False, _needs_too_much, sent[row.mission_id], row.candidate)
     ]
 
 
@@ -121,10 +155,7 @@ def _needs_too_much(mission: SentMission, candidate: str) -> bool:
     Of a mission that has begun, or has a new plan, we do not know with how much charge its first
     stretch begins: it is compared with a full battery.
     """
-    try:
-        drone = Candidate.read(candidate)
-    except ValueError:
-        return False  # another rule names texts that cannot be read
+    drone = Candidate.read(candidate)
     model, rows = drone.planned_model, mission.rows
     is_new = mission.revision == 1 and all(row.status == "PLANNED" for row in rows)
     soc = drone.soc if is_new else model.top_soc
@@ -165,22 +196,49 @@ def _stretches(
 
 def _cut_differs(row: Any) -> bool:  # a row of cut_steps
     event = json.loads(row.event)
-    return (
-        event["mission_id"],
-        event["seq"],
-        event["step_id"],
-        event["step_kind"],
-        event["station_id"],
-        _ms(event["started_at"]),
-        _ms(event["ended_at"]),
-    ) != (
-        row.mission_id,
-        row.seq,
-        row.step_id,
-        row.kind,
-        row.station_id,
-        row.started_ms,
-        row.ended_ms,
+    moments = {"started_ms": _ms(event["started_at"]), "ended_ms": _ms(event["ended_at"])}
+    is_same = repeats(row, event, "mission_id", "seq", "step_id", "station_id")
+    return not is_same or differs(row, {"kind": event["step_kind"], **moments})
+
+
+async def _outside_their_windows(survey: Survey) -> list[str]:
+    """Missions whose first plan loads, or hands over a package, when the request forbids it.
+
+    Later revisions are left out: a plan that changes in flight may be late.
+    """
+    steps: dict[str, list[Any]] = defaultdict(list)
+    is_hand_over = mission_steps.c.kind.in_(("PICK_UP", "DELIVER"))
+    first = select(mission_steps).where(mission_steps.c.revision == 1, is_hand_over)
+    async for step in survey.each(first):
+        steps[step.mission_id].append(step)
+    return [
+        row.mission_id
+        async for row in survey.each(select(missions.c.mission_id, missions.c.request))
+        if readable(False, _is_outside, row.request, steps[row.mission_id])
+    ]
+
+
+def _is_outside(text: str, steps: Iterable[Any]) -> bool:  # rows of mission_steps
+    request = DeliveryRequest.read(text)
+    packages = {each.package_id: each for each in request.packages}
+    for step in steps:
+        if step.kind == "PICK_UP":
+            windows = [(request.earliest_pickup_at, request.latest_pickup_at)]
+        else:
+            carried = (step_json(step) or {}).get("package_ids", ())
+            known = [packages[package_id] for package_id in carried if package_id in packages]
+            windows = [(each.not_before_at, each.latest_at) for each in known]
+            windows += [(None, request.qos.deadline_at)] if known else []
+        if not all(_is_within(step, *window) for window in windows):
+            return True
+    return False
+
+
+def _is_within(step: Any, earliest_at: datetime | None, latest_at: datetime | None) -> bool:
+    start_at = ms_to_moment(step.planned_start_ms) + _ROUNDING
+    end_at = ms_to_moment(step.planned_end_ms) - _ROUNDING
+    return (earliest_at is None or earliest_at <= start_at) and (
+        latest_at is None or end_at <= latest_at
     )
 
 
@@ -227,5 +285,11 @@ STEPS: Final = (
         select(missions.c.mission_id).where(missions.c.cuts != _cut_count),
         "A row of `cut_steps` was deleted or invented. The drone's journal has the event: restore "
         "the row from a backup, or set `missions.cuts` to the number of its rows.",
+    ),
+    Rule(
+        "a mission's first plan keeps the windows and the deadline of its request",
+        _outside_their_windows,
+        "The request or the steps were changed. Compare `missions.request` with the request at the "
+        "gateway, and the steps with `instructions.body`; inform the customer if the plan is late.",
     ),
 )

@@ -1,10 +1,19 @@
-"""The rules of calls: keys, the audit log, and the stored answers of accepted requests."""
+"""The rules of calls: keys, the audit log, and the stored answers of accepted requests.
 
-from collections import Counter
+A rotation of a key gives no more rights, and ends the key that it replaces.
+"""
+
+import json
+from collections import Counter, defaultdict
+from collections.abc import Iterable
 from typing import Any, Final
 
+from skyway_gateway.access.api_key import NewKey
 from skyway_gateway.access.audit_store import UNKNOWN, entry_hash
 from skyway_gateway.access.audit_trail import TRACKING_LINK
+from skyway_gateway.access.keys import FIRST_HOLDERS
+from skyway_gateway.access.login_codes import CODE_LASTS
+from skyway_gateway.access.session_routes import SESSION_LASTS
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.tables import (
     api_keys,
@@ -12,15 +21,19 @@ from skyway_gateway.tables import (
     audit_head,
     events,
     idempotency,
+    session_links,
+    sessions,
     tracking_links,
     webhooks,
 )
 from skyway_gateway.tracking_links import FIRST_LINK
-from sqlalchemy import Column, ColumnElement, exists, func, or_, select, true
+from sqlalchemy import Column, ColumnElement, and_, exists, func, or_, select, true
 
 from skyway.runtime.idempotency_store import KEPT_MS
+from skyway.units import NEVER_MS, moment_to_ms
+from skyway_verifier.finders import readable
 from skyway_verifier.rule import Rule, Survey
-from skyway_verifier.storage_rules import union_of
+from skyway_verifier.storage_rules import name_of, union_of
 
 #: Answers are deleted when they are a day old; a look at that moment may find them or not. Wall ms.
 _SWEPT_WITHIN_MS: Final = 600_000
@@ -63,7 +76,7 @@ def _without_key(subject: Column[str]) -> ColumnElement[bool]:
     return ~exists().where(api_keys.c.subject_id == subject)
 
 
-async def logged(survey: Survey) -> tuple[int, list[Any]]:
+async def _logged(survey: Survey) -> tuple[int, list[Any]]:
     """From when on the audit log is whole, wall ms, and its rows of paths about keys and links."""
     path = audit.c.path
     about = or_(path.like("/v1/keys%"), path.like("/v1/session%"), path.like("%/tracking-link"))
@@ -78,7 +91,7 @@ async def logged(survey: Survey) -> tuple[int, list[Any]]:
 
 async def _other_links(survey: Survey) -> list[str]:
     """Deliveries whose tracking link is not what the last logged calls have made of it."""
-    since_ms, rows = await survey.once(logged)
+    since_ms, rows = await survey.once(_logged)
     made: Counter[str] = Counter()
     last: dict[str, str] = {}
     for row in rows:
@@ -146,5 +159,143 @@ CALLS: Final = (
         ),
         "The customer was answered that the delivery was accepted, but it is gone. Restore it from "
         "a backup, or ask the customer to request it again under another key.",
+    ),
+)
+
+
+_replaced = api_keys.alias("replaced")
+
+_is_replaced = _replaced.c.key_id == api_keys.c.replaces_key_id
+
+_SAME: Final = and_(
+    *(
+        _replaced.c[name].is_not_distinct_from(api_keys.c[name])
+        for name in ("role", "subject_id", "name", "scopes", "expires_wall_ms")
+    )
+)
+
+#: A call is logged so long after its effect at most, and clocks may differ. Wall ms.
+_LOGGED_WITHIN_MS: Final = 120_000
+#: An effect that is younger may not be logged yet. Wall ms.
+_LOGGED_SOON_MS: Final = 30_000
+_LEAST_BEFORE_MS: Final = 5_000
+
+
+def _is_logged(at_ms: int, rows: Iterable[Any]) -> bool:
+    """Whether one of these rows of the audit log can be the call that had an effect at a moment."""
+    return any(
+        at_ms - _LEAST_BEFORE_MS <= row.at_wall_ms <= at_ms + _LOGGED_WITHIN_MS for row in rows
+    )
+
+
+def _asked(row: Any) -> NewKey | None:  # a row of the audit log
+    """The key that a call asked for; None if the log has only a part of the body."""
+    return readable(None, NewKey.read, row.body or "")
+
+
+async def _unlike_log(survey: Survey) -> set[str]:
+    """Keys that nobody made as they are, and keys that were deleted but are in use."""
+    since_ms, rows = await survey.once(_logged)
+    # A call that failed may have had its effect before: it is repeated.
+    made = [
+        (row, _asked(row) if row.path == "/v1/keys" else None)
+        for row in rows
+        if row.method == "POST" and (row.status == 201 or not 100 < row.status < 500)
+    ]
+    deleted = {row.path for row in rows if row.method == "DELETE" and row.status == 204}
+    found, first_ms = set[str](), dict[tuple[str, str], int]()
+    async for key in survey.each(select(api_keys)):
+        holder, at_ms = (key.role, key.subject_id), key.created_wall_ms
+        first_ms[holder] = min(at_ms, first_ms.get(holder, at_ms))
+        is_young = at_ms > survey.wall_ms - _LOGGED_SOON_MS
+        is_exempt = is_young or at_ms < since_ms + _LOGGED_WITHIN_MS or holder in FIRST_HOLDERS
+        calls = (row for row, asked in made if _fits(key, row.path, asked))
+        if not (is_exempt or key.replaces_key_id or _is_logged(at_ms, calls)):
+            found.add(key.key_id)
+        if key.deleted_wall_ms is None and f"/v1/keys/{key.key_id}" in deleted:
+            found.add(key.key_id)
+    for row, asked in made:
+        if asked is not None and row.status == 201:
+            key_ms = first_ms.get((asked.role, asked.subject_id), NEVER_MS)
+            if row.at_wall_ms < key_ms - _LEAST_BEFORE_MS:
+                found.add(f"key of {asked.role} {asked.subject_id}")
+    return found
+
+
+def _fits(key: Any, path: str, asked: NewKey | None) -> bool:  # a row of api_keys
+    """Whether a call can have asked for this key."""
+    if path == "/v1/providers":
+        return bool(key.role == "provider")
+    if asked is None:
+        return path == "/v1/keys"
+    ends = None if asked.expires_at is None else moment_to_ms(asked.expires_at)
+    scopes = None if asked.scopes is None else json.dumps(asked.scopes)
+    made = (asked.role, asked.subject_id, asked.name, scopes, ends)
+    return made == (key.role, key.subject_id, key.name, key.scopes, key.expires_wall_ms)
+
+
+async def _unlogged_logins(survey: Survey) -> list[str]:
+    """Sessions and login links of operators and providers that they did not begin then."""
+    since_ms, rows = await survey.once(_logged)
+    begun: dict[tuple[str, str, str], list[Any]] = defaultdict(list)
+    for row in rows:
+        begun[row.role, row.subject_id, row.path].append(row)
+    found = []
+    for table, path, lasts in (
+        (sessions, "/v1/sessions", SESSION_LASTS),
+        (session_links, "/v1/session-links", CODE_LASTS),
+    ):
+        for login in await survey.rows(select(table, api_keys).join(api_keys)):
+            at_ms = login.expires_wall_ms - int(lasts.total_seconds() * 1000)
+            is_young = at_ms > survey.wall_ms - _LOGGED_SOON_MS
+            is_old = at_ms < since_ms + _LOGGED_WITHIN_MS or login.role == "customer"
+            if at_ms > survey.wall_ms + _LOGGED_WITHIN_MS or not (
+                is_young or is_old or _is_logged(at_ms, begun[login.role, login.subject_id, path])
+            ):
+                found.append(name_of(table, login[0]))
+    return found
+
+
+API_KEYS: Final = (
+    Rule(
+        "a key was made, and is deleted, as the audit log says",
+        _unlike_log,
+        "Somebody has changed a row of `api_keys`, or its call could not be logged (see the "
+        "gateway's log for `audit entry lost`). Delete the key, and make another one: POST "
+        "/v1/keys.",
+        settles=True,
+    ),
+    Rule(
+        "a session or login link lasts no longer than its span, and its begin was logged",
+        _unlogged_logins,
+        "Somebody has changed a row of `sessions` or `session_links`, which may let others in. "
+        "Delete the row: its holder logs in again.",
+        settles=True,
+    ),
+    Rule(
+        "a key that was rotated has the rights of the key that it replaces",
+        select(api_keys.c.key_id).where(
+            api_keys.c.replaces_key_id.is_not(None), ~exists().where(_is_replaced, _SAME)
+        ),
+        "Somebody has changed a row of `api_keys`: the key may allow more than its holder was "
+        "given. Delete the key, and make another one: POST /v1/keys.",
+    ),
+    Rule(
+        "a key ends when the key that replaces it is first used",
+        select(api_keys.c.key_id).where(
+            ~api_keys.c.is_next, exists().where(_is_replaced, _replaced.c.deleted_wall_ms.is_(None))
+        ),
+        "Two keys of one rotation are in use, and the old one may be known to others. Delete the "
+        "key that `replaces` names: DELETE /v1/keys/{key_id}.",
+    ),
+    Rule(
+        "a key does not end after its expiry",
+        select(api_keys.c.key_id).where(
+            api_keys.c.expires_wall_ms.is_not(None),
+            api_keys.c.ends_wall_ms.is_(None)
+            | (api_keys.c.ends_wall_ms > api_keys.c.expires_wall_ms),
+        ),
+        "Somebody has changed a row of `api_keys`. Delete the key, and make another one: POST "
+        "/v1/keys.",
     ),
 )

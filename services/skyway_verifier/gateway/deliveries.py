@@ -1,20 +1,22 @@
-"""The rules of deliveries and of their missions: a delivery ends once, as its packages did (I5)."""
+"""The rules of deliveries, of their missions, and of the offers that they accepted.
+
+A delivery ends once, as its packages did (I5), and has the limits that its customer was promised.
+"""
 
 import json
-from datetime import datetime
 from typing import Any, Final
 
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES, TERMINAL_STATES
 from skyway_gateway.delivery_tables import deliveries, missions, packages
 from skyway_gateway.notifications.delivery_events import LAST_EVENTS
-from skyway_gateway.tables import events
+from skyway_gateway.tables import events, quotes
 from sqlalchemy import ColumnElement, and_, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.delivery.request import DeliveryRequest
 from skyway.units import moment_to_ms
-from skyway_verifier.finders import any_of, rows_where
+from skyway_verifier.finders import any_of, differs, ms_of, repeats, rows_where
 from skyway_verifier.rule import Rule, Survey
 from skyway_verifier.storage_rules import later_than
 
@@ -89,9 +91,9 @@ def _differs(row: Any) -> bool:  # a row of missions
     body = json.loads(row.body)
     price, begun_at = body["price"], body.get("booked_start_at") or body["start_at"]
     return (
-        any(body[name] != getattr(row, name) for name in _REPEATED)
-        or (price["amount"], price["currency"]) != (row.price_amount, row.currency)
-        or row.start_ms not in (None, moment_to_ms(datetime.fromisoformat(begun_at)))
+        not repeats(row, body, *_REPEATED)
+        or differs(row, {"price_amount": price["amount"], "currency": price["currency"]})
+        or row.start_ms not in (None, ms_of(begun_at))
     )
 
 
@@ -102,11 +104,10 @@ _BEGUN: Final = (
 
 def _began_otherwise(row: Any) -> bool:  # a row of _BEGUN
     event, request = json.loads(row.body), DeliveryRequest.read(row.request)
-    begun_ms = moment_to_ms(datetime.fromisoformat(event["occurred_at"]))
     earliest_at = request.first_hand_over_at
     earliest_ms = None if earliest_at is None else moment_to_ms(earliest_at)
     return (
-        abs(row.created_ms - begun_ms) > 1
+        abs(row.created_ms - ms_of(event["occurred_at"])) > 1
         or row.earliest_pickup_ms != earliest_ms
         or DeliveryRequest.model_validate(event["data"]["request"]) != request
         or (row.waits_since_ms is not None and row.waits_since_ms < row.created_ms - 1)
@@ -269,5 +270,80 @@ MISSIONS: Final = (
         ),
         "A lower `deliveries.attempt` than that of a mission makes booking repeat an attempt, and "
         "composition answers with the old missions. Set it to one more than the last attempt.",
+    ),
+)
+
+
+_ACCEPTED: Final = select(
+    deliveries.c.delivery_id, deliveries.c.offer, quotes.c.offers, quotes.c.taken_offer_id
+).join(quotes, quotes.c.delivery_id == deliveries.c.delivery_id)
+
+
+def _has_other_limits(row: Any) -> bool:  # a row of _ACCEPTED
+    accepted = [each for each in json.loads(row.offers) if each["offer_id"] == row.taken_offer_id]
+    if row.offer is None or not accepted:
+        return True
+    limits, [offer] = json.loads(row.offer), accepted
+    promised = (limits["provider_id"], limits["price"], limits["within_s"], limits.get("tariff"))
+    return promised != (
+        offer["provider_id"],
+        offer["price"],
+        offer["delivery_time_s"],
+        offer.get("tariff"),
+    )
+
+
+#: Reasons whose cause always comes after the acceptance: a drone refused, the deadline passed, or
+#: the pickup has left the network.
+_LATER_CAUSES: Final = frozenset({"REFUSED", "TOO_LATE", "DESTINATION_UNREACHABLE"})
+
+
+_REJECTED: Final = select(deliveries.c.delivery_id, deliveries.c.offer, deliveries.c.reasons).where(
+    deliveries.c.state == "REJECTED", deliveries.c.offer.is_not(None)
+)
+
+
+def _is_lost_without_cause(row: Any) -> bool:  # a row of _REJECTED
+    """Whether it was rejected although its offer was held when it was accepted."""
+    return json.loads(row.offer).get("hold") is not None and not any(
+        each["code"] in _LATER_CAUSES or "hold_loss" in each.get("data", {})
+        for each in json.loads(row.reasons)
+    )
+
+
+#: Far more than offers last, held or not. Wall ms.
+_LONGEST_OFFER_MS: Final = 86_400_000
+
+OFFERS: Final = (
+    Rule(
+        "I17 an accepted offer is flown, or its failure has a cause after the acceptance",
+        rows_where(_REJECTED, _is_lost_without_cause, "delivery_id"),
+        "The delivery was REJECTED although composition held its offer, and no reason says what "
+        "happened after the acceptance. Find the reason in the logs, and inform the customer.",
+    ),
+    Rule(
+        "a quote can be accepted for a day at most",
+        later_than(lambda survey: survey.wall_ms + _LONGEST_OFFER_MS, [quotes.c.expires_wall_ms]),
+        "Set `expires_wall_ms` to now: its offers are no longer true.",
+    ),
+    Rule(
+        "an accepted quote has its delivery",
+        any_of(
+            quotes.c.quote_id,
+            quotes.c.delivery_id.is_not(None) != quotes.c.taken_offer_id.is_not(None),
+            quotes.c.delivery_id.is_not(None)
+            & ~exists().where(
+                deliveries.c.delivery_id == quotes.c.delivery_id,
+                deliveries.c.customer_id == quotes.c.customer_id,
+            ),
+        ),
+        "The quote names a delivery that does not exist or belongs to somebody else. Restore the "
+        "delivery from a backup, or correct its `customer_id`.",
+    ),
+    Rule(
+        "a delivery of an accepted offer has its limits",
+        rows_where(_ACCEPTED, _has_other_limits, "delivery_id"),
+        "The customer was promised the price and the time of the quote's accepted offer "
+        "(`quotes.offers`); `deliveries.offer` must say the same. Correct what was changed.",
     ),
 )

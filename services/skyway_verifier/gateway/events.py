@@ -13,7 +13,7 @@ from skyway_gateway.notifications.webhook import LONGEST_PAUSE_S, MOST_ATTEMPTS
 from skyway_gateway.tables import events, notifications, pruned, webhook_attempts, webhooks
 from sqlalchemy import String, and_, cast, exists, func, or_, select
 
-from skyway_verifier.finders import any_of, rows_where
+from skyway_verifier.finders import any_of, repeats, rows_where
 from skyway_verifier.gateway.deliveries import event_count
 from skyway_verifier.rule import Rule, Survey
 from skyway_verifier.storage_rules import later_than
@@ -70,9 +70,8 @@ async def _changed(survey: Survey) -> list[str]:
 
 
 def _differs(row: Any) -> bool:  # a row of events
-    body = json.loads(row.body)
     names = ("event_id", "delivery_id", "sequence", "type")
-    return any(body[name] != getattr(row, name) for name in names)
+    return not repeats(row, json.loads(row.body), *names)
 
 
 async def _other_flown(survey: Survey) -> list[str]:
@@ -83,10 +82,11 @@ async def _other_flown(survey: Survey) -> list[str]:
         data = json.loads(row.body)["data"]
         flown[data["mission_id"]] = (data.get("evidence") or {}).get("flown", {})
     names = ("flight_s", "waiting_s", "recharging_s")
+    none = dict.fromkeys(names)
     return [
         row.mission_id
         async for row in survey.each(select(missions))
-        if any(getattr(row, name) != flown.get(row.mission_id, {}).get(name) for name in names)
+        if not repeats(row, none | flown.get(row.mission_id, {}), *names)
     ]
 
 

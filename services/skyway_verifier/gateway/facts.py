@@ -2,9 +2,10 @@
 
 from collections import defaultdict
 from collections.abc import AsyncIterator, Mapping
+from itertools import repeat
 
 from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES
-from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
+from skyway_gateway.delivery_tables import deliveries, missions, packages
 from skyway_gateway.tables import api_keys, known_networks, outbox, quotes
 from sqlalchemy import func, select
 
@@ -17,6 +18,7 @@ from skyway_verifier.facts import (
     PackageFacts,
     stations_hash,
 )
+from skyway_verifier.gateway.packages import package_stories
 from skyway_verifier.rule import Survey
 
 
@@ -77,13 +79,10 @@ async def _missions(survey: Survey) -> Mapping[str, list[MissionFacts]]:
 
 async def _packages(survey: Survey) -> Mapping[str, dict[str, PackageFacts]]:
     """By delivery: its packages with their custodians."""
-    columns = select(packages.c.delivery_id, packages.c.package_id, packages.c.mission_id)
-    carriers = {(row[0], row[1]): row.mission_id async for row in survey.each(columns)}
     found: dict[str, dict[str, PackageFacts]] = defaultdict(dict)
-    async for row in survey.each(select(custody).order_by(custody.c.seq)):
-        of, mission_id = found[row.delivery_id], carriers.get((row.delivery_id, row.package_id))
-        before = of.get(row.package_id, PackageFacts())
-        of[row.package_id] = before.passed_to(row.custodian_kind, row.custodian_id, mission_id)
+    for (delivery_id, package_id), story in (await survey.once(package_stories)).items():
+        links = zip(story.kinds, story.custodians, repeat(story.row.mission_id))
+        found[delivery_id][package_id] = PackageFacts.of(links)
     return found
 
 

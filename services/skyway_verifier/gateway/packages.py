@@ -1,8 +1,9 @@
 """The rules of packages: one custodian, one chain of custody, one delivery (I6)."""
 
 import json
+from collections import defaultdict
 from collections.abc import Mapping
-from datetime import datetime
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Final
 
@@ -20,9 +21,17 @@ from sqlalchemy import ColumnElement, and_, exists, func, not_, or_, select
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.delivery.request import DeliveryRequest
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_verifier.finders import any_of, each_where, rows_where
-from skyway_verifier.gateway.package_stories import PackageStory, package_stories
+from skyway_verifier.finders import any_of, differs, each_where, ms_of, readable, rows_where
 from skyway_verifier.rule import Rule, Survey
+
+#: The end of a package, as its event and as its row say: event type, station, moment, mission.
+End = tuple[str, str | None, int | None, str | None]
+
+#: The events about the plans and the ends of packages.
+_EVENTS: Final = (
+    "delivery.planned",
+    *sorted(f"package.{state.lower()}" for state in SETTLED_PACKAGE_STATES),
+)
 
 _is_of_package = and_(
     custody.c.delivery_id == packages.c.delivery_id,
@@ -57,6 +66,121 @@ _FROM_EVENTS: Final = (
 )
 
 
+@dataclass(slots=True)
+class PackageStory:
+    """A package, its links in order, where it may go, and what its customer was notified of.
+
+    `is_brought` says that its customer brought it to the pickup of one of its missions, which is
+    within the distance that the request allows: this station is its second link. `planned` and
+    `delivered` are members of the last events about its plan and its hand-over.
+    """
+
+    row: Any  # of packages, with its delivery's request and state
+    pickup: str
+    goals: set[str]
+    drones: set[str]
+    kinds: list[str] = field(default_factory=list)
+    custodians: list[str] = field(default_factory=list)
+    ends: list[End] = field(default_factory=list)
+    planned: Mapping[str, Any] = field(default_factory=dict)
+    delivered: Mapping[str, Any] = field(default_factory=dict)
+    is_brought: bool = False
+
+
+_first = custody.alias("first")
+_second = custody.alias("second")
+
+#: Packages that moved from one station to another without a drone, with each mission of their
+#: deliveries.
+_MOVED: Final = (
+    select(
+        _second.c.delivery_id,
+        _second.c.package_id,
+        _second.c.custodian_id,
+        deliveries.c.request,
+        missions.c.body,
+    )
+    .join(
+        _first,
+        and_(
+            _first.c.delivery_id == _second.c.delivery_id,
+            _first.c.package_id == _second.c.package_id,
+            _first.c.seq == 1,
+            _first.c.custodian_kind == "STATION",
+        ),
+    )
+    .join(deliveries, deliveries.c.delivery_id == _second.c.delivery_id)
+    .join(missions, missions.c.delivery_id == _second.c.delivery_id)
+    .where(_second.c.seq == 2, _second.c.custodian_kind == "STATION")
+)
+
+
+async def package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageStory]:
+    """All packages by delivery and package; those whose request cannot be read are left out."""
+    drones: dict[str, set[str]] = defaultdict(set)
+    async for row in survey.each(select(missions.c.delivery_id, missions.c.drone_id)):
+        drones[row.delivery_id].add(row.drone_id)
+    query = select(packages, deliveries.c.request, deliveries.c.state.label("delivery_state")).join(
+        deliveries, deliveries.c.delivery_id == packages.c.delivery_id
+    )
+    found: dict[tuple[str, str], PackageStory] = {}
+    async for row in survey.each(query):
+        if (story := readable(None, _story, row, drones[row.delivery_id])) is not None:
+            found[row.delivery_id, row.package_id] = story
+    links = select(custody).order_by(custody.c.delivery_id, custody.c.package_id, custody.c.seq)
+    async for row in survey.each(links):
+        if (story := found.get((row.delivery_id, row.package_id))) is not None:
+            story.kinds.append(row.custodian_kind)
+            story.custodians.append(row.custodian_id)
+    async for row in survey.each(_MOVED):
+        if (story := found.get((row.delivery_id, row.package_id))) is not None:
+            story.is_brought |= _allows_pickup(row)
+    of_packages = select(events).where(events.c.type.in_(_EVENTS))
+    async for row in survey.each(of_packages.order_by(events.c.sequence)):
+        _notify(found, row, json.loads(row.body)["data"])
+    return found
+
+
+def _notify(
+    stories: Mapping[tuple[str, str], PackageStory],
+    event: Any,  # a row of events
+    data: Mapping[str, Any],  # of the event's body
+) -> None:
+    """Add an event to the stories of its packages."""
+    is_plan = event.type == "delivery.planned"
+    for each in data["packages"] if is_plan else [data]:
+        story = stories.get((event.delivery_id, each["package_id"]))
+        if story is None:
+            continue
+        if is_plan:
+            story.planned = each
+        elif event.type == "package.delivered":
+            story.delivered = data
+            moment_ms = ms_of(data["delivered_at"])
+            story.ends.append((event.type, data["station_id"], moment_ms, data["mission_id"]))
+        else:
+            story.ends.append((event.type, None, None, None))
+
+
+def _story(row: Any, drones: set[str]) -> PackageStory:  # a row of packages
+    """The package without its links and events."""
+    request = json.loads(row.request)
+    asked = (each for each in request["packages"] if each["package_id"] == row.package_id)
+    places = (place for each in asked for place in (each["destination"], each["alternative"]))
+    goals = {place["station_id"] for place in places if place is not None}
+    return PackageStory(row, request["pickup"]["station_id"], goals, drones)
+
+
+def _allows_pickup(row: Any) -> bool:  # a row of _MOVED
+    """Whether the mission has this station as its pickup, and the request allows it."""
+    request, mission = json.loads(row.request), json.loads(row.body)
+    if mission.get("pickup_station_id") != row.custodian_id:
+        return False
+    within_m = request["qos"].get("pickup_within_m", 0.0)
+    is_other = row.custodian_id != request["pickup"]["station_id"]
+    return is_other and bool(within_m > 0.0 and mission["pickup_away_m"] <= within_m)
+
+
 def _link_count(*conditions: ColumnElement[bool]) -> ColumnElement[int]:
     statement = select(func.count()).where(_is_of_package, *conditions)
     return statement.correlate(packages).scalar_subquery()
@@ -87,40 +211,23 @@ def _is_delivered_elsewhere(story: PackageStory) -> bool:
 
 def _ends_otherwise_than_notified(story: PackageStory) -> bool:
     """Whether its final state is not the one of which the customer was notified."""
-    return story.notified_ends != story.expected_ends
+    row, kind = story.row, f"package.{story.row.state.lower()}"
+    # The one event of a rejected delivery speaks for all its packages.
+    if row.state not in SETTLED_PACKAGE_STATES or row.delivery_state == "REJECTED":
+        return bool(story.ends)
+    end = (row.custodian_id, row.delivered_ms, row.mission_id)
+    return story.ends != [(kind, *(end if row.state == "DELIVERED" else (None, None, None)))]
 
 
-#: A row of a delivered package, and the data of the event of which its customer was notified.
-_Delivered = tuple[Any, Mapping[str, Any]]
-
-
-async def _delivered(survey: Survey) -> Mapping[tuple[str, str], _Delivered]:
-    """All delivered packages by delivery and package."""
-    notified = {}
-    query = select(events).where(events.c.type == "package.delivered")
-    async for event in survey.each(query):
-        data = json.loads(event.body)["data"]
-        notified[event.delivery_id, data["package_id"]] = data
-    return {
-        (row.delivery_id, row.package_id): (
-            row,
-            notified.get((row.delivery_id, row.package_id), {}),
-        )
-        async for row in survey.each(select(packages).where(_is_delivered))
-    }
-
-
-def _proof_differs(package: _Delivered) -> bool:
+def _proof_differs(story: PackageStory) -> bool:
     """Whether the proof is not that of the package's row, or not that of its event."""
-    row, data = package
-    if row.proof is None:
-        return True
+    row, data = story.row, story.delivered
+    if row.state != "DELIVERED" or row.proof is None:
+        return bool(row.state == "DELIVERED")
     proof = Proof.read(row.proof)
     is_elsewhere = proof.station_id not in (None, row.custodian_id)  # null in reports without place
-    if is_elsewhere or (proof.mission_id, moment_to_ms(proof.at)) != (
-        row.mission_id,
-        row.delivered_ms,
-    ):
+    by_row = {"mission_id": proof.mission_id, "delivered_ms": moment_to_ms(proof.at)}
+    if is_elsewhere or differs(row, by_row):
         return True
     evidence = data.get("evidence") or {}
     masses_kg, place = evidence.get("mass_kg"), evidence.get("place")
@@ -158,37 +265,30 @@ def _is_due_otherwise(row: Any) -> bool:  # a row of _DUE_LATER
     return bool(abs(row.due_ms - moment_to_ms(due_at)) > 1)
 
 
-async def _other_promises(survey: Survey) -> list[str]:
-    """Packages whose promise is not that of their delivery's last event that planned them."""
-    planned: dict[tuple[str, str], Any] = {}
-    plans = events.c.type == "delivery.planned"
-    async for event in survey.each(select(events).where(plans).order_by(events.c.sequence)):
-        for each in json.loads(event.body)["data"]["packages"]:
-            planned[event.delivery_id, each["package_id"]] = each
-    names = {"promised_ms": "eta_at", "promised_p90_ms": "eta_p90_at", "due_ms": "due_at"}
-    return [
-        f"{row.delivery_id}/{row.package_id}"
-        async for row in survey.each(select(packages))
-        if not (row.mission_id is None and row.promised_ms is None)
-        and any(
-            not _is_same_moment(getattr(row, name), event.get(member))
-            for event in [planned.get((row.delivery_id, row.package_id), {})]
-            for name, member in names.items()
-        )
-    ]
+_PROMISES: Final = {"promised_ms": "eta_at", "promised_p90_ms": "eta_p90_at", "due_ms": "due_at"}
+
+
+def _is_promised_otherwise(story: PackageStory) -> bool:
+    """Whether its promise is not that of its delivery's last event that planned it."""
+    if story.row.mission_id is None and story.row.promised_ms is None:
+        return False
+    return not all(
+        _is_same_moment(getattr(story.row, name), story.planned.get(member))
+        for name, member in _PROMISES.items()
+    )
 
 
 def _is_same_moment(moment_ms: int | None, text: str | None) -> bool:
     """Whether a stored moment is that of an event, up to the rounding to a millisecond."""
     if moment_ms is None or text is None:
         return moment_ms is None and text is None
-    return abs(moment_ms - moment_to_ms(datetime.fromisoformat(text))) <= 1
+    return abs(moment_ms - ms_of(text)) <= 1
 
 
 PACKAGES: Final = (
     Rule(
         "a package has the promise that its customer was notified of",
-        _other_promises,
+        each_where(package_stories, _is_promised_otherwise),
         "Set `promised_ms`, `promised_p90_ms` and `due_ms` to `eta_at`, `eta_p90_at` and `due_at` "
         "of the delivery's last event `delivery.planned`.",
     ),
@@ -278,7 +378,7 @@ PACKAGES: Final = (
     ),
     Rule(
         "a delivered package has the proof of its hand-over",
-        each_where(_delivered, _proof_differs),
+        each_where(package_stories, _proof_differs),
         "The event `package.delivered` has the same evidence: correct `proof`, or the columns that "
         "differ from it.",
     ),

@@ -31,11 +31,9 @@ from skyway.contracts.mission import OfferLimits
 from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.request import DeliveryRequest
 from skyway.geo import Position
-from skyway_verifier.gateway.api_keys import API_KEYS
-from skyway_verifier.gateway.calls import CALLS
-from skyway_verifier.gateway.deliveries import DELIVERIES, MISSIONS
+from skyway_verifier.gateway.calls import API_KEYS, CALLS
+from skyway_verifier.gateway.deliveries import DELIVERIES, MISSIONS, OFFERS
 from skyway_verifier.gateway.events import EVENTS, NOTIFICATIONS
-from skyway_verifier.gateway.offers import OFFERS
 from skyway_verifier.gateway.packages import PACKAGES
 from skyway_verifier.rule import Rule
 from skyway_verifier.storage_rules import (
