@@ -45,6 +45,11 @@ class MissionFacts:
     waiting_reports: int = 0
     tries: int = 0
 
+    @property
+    def fixed(self) -> tuple[object, ...]:
+        """What never changes."""
+        return self.attempt, self.trip, self.provider_id, self.drone_id, self.price
+
 
 @dataclass(frozen=True, slots=True)
 class DeliveryFacts:

@@ -14,7 +14,7 @@ T = TypeVar("T")
 D = TypeVar("D")
 
 #: What a text raises that does not have its form; another rule names such texts.
-_UNREADABLE_TEXT: Final = (ValueError, KeyError, TypeError, InvalidInput)
+_UNREADABLE_TEXT: Final = (ValueError, KeyError, TypeError, OverflowError, InvalidInput)
 
 
 # Any: columns and rows have every type.

@@ -1,127 +1,117 @@
 """The rules of deliveries across gateway and composition."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Final
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway_verifier.cross_rule import CrossRule
-from skyway_verifier.facts import DeliveryFacts, Facts, MissionFacts, PackageFacts
+from skyway_verifier.facts import DeliveryFacts, MissionFacts, PackageFacts
 
 #: What the other service knows of a delivery; None if it does not know the delivery.
 _Known = DeliveryFacts | None
 
-
-def _deliveries(facts: Facts) -> Mapping[str, DeliveryFacts]:
-    return facts.deliveries
-
-
-_rule = partial(CrossRule[DeliveryFacts], facts=_deliveries)
+_rule = partial(CrossRule[DeliveryFacts], facts=lambda facts: facts.deliveries)
 #: Rules about what one service has: the other one is read later, and must have it too.
 _from_gateway = partial(_rule, first="gateway", second="composition")
 _from_composition = partial(_rule, first="composition", second="gateway")
 
 
-def _pairs(gateway: _Known, composition: _Known) -> Iterator[tuple[MissionFacts, MissionFacts]]:
+def _if_known(
+    find: Callable[[DeliveryFacts, DeliveryFacts], Iterable[str]],
+) -> Callable[[DeliveryFacts, _Known], Iterable[str]]:
+    """Finds nothing in a delivery that the other service does not know."""
+    return lambda one, other: () if other is None else find(one, other)
+
+
+def _unless_leaving(
+    find: Callable[[DeliveryFacts, DeliveryFacts], Iterable[str]],
+) -> Callable[[DeliveryFacts, _Known], Iterable[str]]:
+    """Finds nothing where composition has deleted a delivery because of its age: so will others."""
+    nothing = DeliveryFacts("", is_over=True)
+    return lambda gateway, composition: (
+        () if gateway.is_leaving and composition is None else find(gateway, composition or nothing)
+    )
+
+
+def _pairs(
+    gateway: DeliveryFacts, composition: DeliveryFacts
+) -> Iterator[tuple[MissionFacts, MissionFacts]]:
     """The missions that both services have, each as the gateway and as composition has it."""
-    if gateway is None or composition is None:
-        return
     planned = {each.mission_id: each for each in composition.missions}
     for mission in gateway.missions:
         if mission.mission_id in planned:
             yield mission, planned[mission.mission_id]
 
 
-def _package(delivery: _Known, package_id: str) -> PackageFacts:
-    """What a service knows of a package."""
-    known = {} if delivery is None else delivery.packages
-    return known.get(package_id, PackageFacts())
+def _missing(one: DeliveryFacts, other: DeliveryFacts) -> list[MissionFacts]:
+    """The missions that only the first one has."""
+    known = {each.mission_id for each in other.missions}
+    return [each for each in one.missions if each.mission_id not in known]
 
 
-def _is_leaving(gateway: DeliveryFacts, composition: _Known) -> bool:
-    """Whether composition has deleted a delivery because of its age, and the gateway will."""
-    return gateway.is_leaving and composition is None
+def _package(delivery: DeliveryFacts, package_id: str) -> PackageFacts:
+    return delivery.packages.get(package_id, PackageFacts())
 
 
-def _unknown_delivery(composition: DeliveryFacts, gateway: _Known) -> Iterator[str]:
-    if gateway is None:
-        yield composition.delivery_id
+@_unless_leaving
+def _unknown_missions(gateway: DeliveryFacts, composition: DeliveryFacts) -> Iterable[str]:
+    return [each.mission_id for each in _missing(gateway, composition)]
 
 
-def _unknown_missions(gateway: DeliveryFacts, composition: _Known) -> Iterator[str]:
-    if not _is_leaving(gateway, composition):
-        planned = () if composition is None else composition.missions
-        known = {each.mission_id for each in planned}
-        yield from (each.mission_id for each in gateway.missions if each.mission_id not in known)
-
-
-def _unexpected_missions(composition: DeliveryFacts, gateway: _Known) -> Iterator[str]:
+@_if_known
+def _unexpected_missions(composition: DeliveryFacts, gateway: DeliveryFacts) -> Iterable[str]:
     """Live missions for which the gateway does not wait; a booking may still be answered."""
-    if gateway is None:
-        return
-    known = {each.mission_id for each in gateway.missions}
     is_explained = gateway.is_queued or gateway.waiting_messages > 0
-    for mission in composition.missions:
-        is_live = mission.state in LIVE_MISSION_STATES and mission.waiting_reports == 0
-        if is_live and mission.mission_id not in known and not is_explained:
-            yield mission.mission_id
+    return [
+        each.mission_id
+        for each in _missing(composition, gateway)
+        if each.state in LIVE_MISSION_STATES and each.waiting_reports == 0 and not is_explained
+    ]
 
 
-def _unlearnt_missions(composition: DeliveryFacts, gateway: _Known) -> Iterator[str]:
+@_if_known
+def _unlearnt_missions(composition: DeliveryFacts, gateway: DeliveryFacts) -> Iterator[str]:
     """Missions that are not known at the gateway although all their reports were sent often."""
-    if gateway is None:
-        return
-    known = {each.mission_id for each in gateway.missions}
-    for mission in composition.missions:
+    for mission in _missing(composition, gateway):
         is_untold = 0 < mission.report_seq == mission.waiting_reports
-        if mission.mission_id not in known and is_untold and mission.tries >= _MOST_TRIES:
+        if is_untold and mission.tries >= _MOST_TRIES:
             yield mission.mission_id
 
 
-def _lost_reports(composition: DeliveryFacts, gateway: _Known) -> Iterator[str]:
+@_if_known
+def _lost_reports(composition: DeliveryFacts, gateway: DeliveryFacts) -> Iterator[str]:
     for applied, sent in _pairs(gateway, composition):
         if applied.report_seq < sent.report_seq - sent.waiting_reports:
             yield sent.mission_id
 
 
-def _invented_reports(gateway: DeliveryFacts, composition: _Known) -> Iterator[str]:
+@_if_known
+def _invented_reports(gateway: DeliveryFacts, composition: DeliveryFacts) -> Iterator[str]:
     for applied, sent in _pairs(gateway, composition):
         if applied.report_seq > sent.report_seq:
             yield sent.mission_id
 
 
-def _other_missions(gateway: DeliveryFacts, composition: _Known) -> Iterator[str]:
+@_if_known
+def _other_missions(gateway: DeliveryFacts, composition: DeliveryFacts) -> Iterator[str]:
     for applied, sent in _pairs(gateway, composition):
-        if _fixed(applied) != _fixed(sent) or (
-            applied.report_seq == sent.report_seq and applied.state != sent.state
-        ):
+        is_same_state = applied.report_seq != sent.report_seq or applied.state == sent.state
+        if applied.fixed != sent.fixed or not is_same_state:
             yield sent.mission_id
 
 
-def _fixed(mission: MissionFacts) -> tuple[object, ...]:
-    """What never changes in a mission."""
-    return (
-        mission.attempt,
-        mission.trip,
-        mission.provider_id,
-        mission.drone_id,
-        mission.price,
-    )
-
-
-def _undelivered(gateway: DeliveryFacts, composition: _Known) -> Iterator[str]:
+@_unless_leaving
+def _undelivered(gateway: DeliveryFacts, composition: DeliveryFacts) -> Iterator[str]:
     """Packages that the gateway counts as delivered, and composition not, or otherwise."""
-    if _is_leaving(gateway, composition):
-        return
     for package_id, package in gateway.packages.items():
         if package.recipient not in (None, _package(composition, package_id).recipient):
             yield f"{gateway.delivery_id}/{package_id}"
 
 
-def _unreported_deliveries(composition: DeliveryFacts, gateway: _Known) -> Iterator[str]:
+@_if_known
+def _unreported_deliveries(composition: DeliveryFacts, gateway: DeliveryFacts) -> Iterator[str]:
     """Packages that composition counts as delivered, and the gateway not."""
-    if gateway is None:
-        return
     # A drone may hand over late, after its mission was given up: an alarm has called people then.
     waiting = {
         each.mission_id
@@ -129,32 +119,25 @@ def _unreported_deliveries(composition: DeliveryFacts, gateway: _Known) -> Itera
         if each.waiting_reports > 0 or each.state in ("ABORTED", "CANCELLED", "REFUSED")
     }
     for package_id, package in composition.packages.items():
-        if package.recipient is None or package.recipient[1] in waiting:
-            continue
-        if _package(gateway, package_id).recipient is None:
+        is_told = _package(gateway, package_id).recipient is not None
+        if package.recipient is not None and package.recipient[1] not in waiting and not is_told:
             yield f"{composition.delivery_id}/{package_id}"
 
 
-def _other_drones(gateway: DeliveryFacts, composition: _Known) -> Iterator[str]:
-    """Packages that another drone had by the gateway than by composition."""
-    if _is_leaving(gateway, composition):
-        return
-    for package_id, package in gateway.packages.items():
-        if not package.drones <= _package(composition, package_id).drones:
-            yield f"{gateway.delivery_id}/{package_id}"
+def _other_drones(one: DeliveryFacts, other: DeliveryFacts) -> Iterable[str]:
+    """Packages that another drone had by the first service than by the other one."""
+    return [
+        f"{one.delivery_id}/{package_id}"
+        for package_id, package in one.packages.items()
+        if not package.drones <= _package(other, package_id).drones
+    ]
 
 
-def _unreported_drones(composition: DeliveryFacts, gateway: _Known) -> Iterator[str]:
+@_if_known
+def _unreported_drones(composition: DeliveryFacts, gateway: DeliveryFacts) -> Iterable[str]:
     """Packages that a drone had by composition, and not by the gateway."""
-    if (
-        gateway is None
-        or gateway.is_over
-        or any(each.waiting_reports > 0 for each in composition.missions)
-    ):
-        return
-    for package_id, package in composition.packages.items():
-        if not package.drones <= _package(gateway, package_id).drones:
-            yield f"{composition.delivery_id}/{package_id}"
+    is_settled = all(each.waiting_reports == 0 for each in composition.missions)
+    return _other_drones(composition, gateway) if is_settled and not gateway.is_over else ()
 
 
 #: After so many tries the first report of a mission has waited for half a minute.
@@ -168,7 +151,7 @@ _ASK_PEOPLE: Final = (
 DELIVERY_RULES: Final = (
     _from_composition(
         "a delivery of composition is a delivery of the gateway",
-        _unknown_delivery,
+        lambda own, other: () if other else (own.delivery_id,),
         "The delivery was deleted at the gateway. Restore it from a backup; if that cannot "
         "be done, cancel its missions (POST /v1/missions/{id}/commands with CANCEL).",
     ),
@@ -220,7 +203,7 @@ DELIVERY_RULES: Final = (
     ),
     _from_gateway(
         "I6 a drone that has a package at the gateway has it in composition",
-        _other_drones,
+        _unless_leaving(_other_drones),
         "Two drones may have taken the package. " + _ASK_PEOPLE,
     ),
     _from_composition(

@@ -1,19 +1,19 @@
 """The rules of drones, providers, and single values that two services store."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Final
 
 from skyway_verifier.across.deliveries import DELIVERY_RULES
 from skyway_verifier.cross_rule import AnyCrossRule, CrossRule
-from skyway_verifier.facts import CopyFacts, Facts, HintFacts
+from skyway_verifier.facts import CopyFacts, HintFacts
 
-
-def _hints(facts: Facts) -> Mapping[str, HintFacts]:
-    return facts.hints
-
-
-_of_hints = partial(CrossRule[HintFacts], facts=_hints, first="composition", second="registry")
+_of_hints = partial(
+    CrossRule[HintFacts],
+    facts=lambda facts: facts.hints,
+    first="composition",
+    second="registry",
+)
 
 #: A mission is reported to the registry from this state on, until it has ended.
 _REPORTED: Final = ("ACCEPTED", "ACTIVE")
@@ -73,38 +73,37 @@ def _unlike_copy(
     return find
 
 
-def _copies(facts: Facts) -> Mapping[str, CopyFacts]:
-    return facts.copies
-
-
-_of_gateway = partial(CrossRule[CopyFacts], facts=_copies, first="gateway")
-_of_composition = partial(CrossRule[CopyFacts], facts=_copies, first="composition")
+_of_copies = partial(CrossRule[CopyFacts], facts=lambda facts: facts.copies)
 
 COPY_RULES: Final = (
-    _of_gateway(
+    _of_copies(
         "the gateway knows no later version of a network, and no other stations",
         _unlike_copy("network ", is_later=True),
         "Delete the row of `known_networks`: the gateway asks composition again.",
+        first="gateway",
         second="composition",
     ),
-    _of_gateway(
+    _of_copies(
         "a hold is of the customer whose offers it keeps",
         _unlike_copy("hold ", is_later=False),
         "Set `customer_id` of the row of `offer_holds` to that of the gateway's quote: else "
         "it counts among the holds of another customer.",
+        first="gateway",
         second="composition",
     ),
-    _of_composition(
+    _of_copies(
         "composition plans with the promise that the gateway made",
         _unlike_copy("promise ", is_later=False),
         "The customer was notified of the gateway's promise. Set `missions.promised` in "
         "composition to it; with `planned_conditions` -1 the mission is planned again.",
+        first="composition",
         second="gateway",
     ),
-    _of_composition(
+    _of_copies(
         "composition counts no later renewal of a drone's credentials than the registry",
         _unlike_copy("renewal ", is_later=True),
         "Set `drone_links.renewed_ms` to the registry's `renewals.renewed_ms`.",
+        first="composition",
         second="registry",
     ),
 )

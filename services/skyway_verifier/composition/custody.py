@@ -5,7 +5,7 @@ No drone hands packages over sooner than it can fly there.
 
 import json
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Final
@@ -25,7 +25,6 @@ from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.mission import Cancellation
-from skyway.drone.model import DroneModel
 from skyway.geo import Position, distance_m
 from skyway_verifier.composition.shares import owners
 from skyway_verifier.composition.steps import step_json
@@ -73,9 +72,9 @@ class PackageStory:
     handed_over: list[tuple[str, str]] = field(default_factory=list)
 
     @property
-    def delivered(self) -> Any | None:  # a row of custody
-        """The link to its recipient."""
-        return next((row for row in self.chain if row.custodian_kind == "RECIPIENT"), None)
+    def delivered(self) -> list[Any]:  # rows of custody
+        """The link to its recipient, if it has one."""
+        return [row for row in self.chain if row.custodian_kind == "RECIPIENT"][:1]
 
 
 async def package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageStory]:
@@ -112,21 +111,13 @@ async def package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageSto
 def _requested(row: Any) -> dict[str, tuple[str, set[str]]]:  # a row of missions
     """By package of a mission: its pickup, and where it may be delivered."""
     request, aims = json.loads(row.request), json.loads(row.aims)
-    return {
-        each["package_id"]: (
-            request["pickup"]["station_id"],
-            {
-                place["station_id"]
-                for place in (
-                    each["destination"],
-                    each.get("alternative"),
-                    *(aim for aim in aims if aim["package_id"] == each["package_id"]),
-                )
-                if place
-            },
-        )
-        for each in request["packages"]
-    }
+    found = {}
+    for each in request["packages"]:
+        aimed = (aim for aim in aims if aim["package_id"] == each["package_id"])
+        places = each["destination"], each.get("alternative"), *aimed
+        goals = {place["station_id"] for place in places if place}
+        found[each["package_id"]] = request["pickup"]["station_id"], goals
+    return found
 
 
 def _begins_elsewhere(story: PackageStory) -> bool:
@@ -159,25 +150,10 @@ def _is_late_hand_over(story: PackageStory, before: Any, after: Any) -> bool:
     )
 
 
-def _is_delivered_elsewhere(story: PackageStory) -> bool:
-    delivered = story.delivered
-    return delivered is not None and delivered.custodian_id not in story.goals
-
-
-def _is_delivered_without_evidence(story: PackageStory) -> bool:
-    delivered = story.delivered
-    return (
-        delivered is not None
-        and delivered.mission_id not in story.given_up
-        and (delivered.mission_id, delivered.custodian_id) not in story.handed_over
-    )
-
-
 def _is_handed_over_elsewhere(story: PackageStory) -> bool:
     """Whether a drone has handed it over of whose mission the chain knows no delivery."""
-    delivered = story.delivered
-    by = None if delivered is None else delivered.mission_id
-    return any(mission_id != by for mission_id, _ in story.handed_over)
+    by = {each.mission_id for each in story.delivered}
+    return not {mission_id for mission_id, _ in story.handed_over} <= by
 
 
 _DELIVERED: Final = (
@@ -185,10 +161,6 @@ _DELIVERED: Final = (
     .join(cancellations, cancellations.c.delivery_id == custody.c.delivery_id)
     .where(custody.c.custodian_kind == "RECIPIENT")
 )
-
-
-def _is_released(row: Any) -> bool:  # a row of _DELIVERED
-    return row.package_id in Cancellation.read(row.answer).released
 
 
 async def _carried_by_two(survey: Survey) -> list[str]:
@@ -209,47 +181,37 @@ async def _carried_by_two(survey: Survey) -> list[str]:
     return [package for package, drones in carried.items() if drones > 1]
 
 
-@dataclass(slots=True)
-class _Trip:
-    """Where the drone of a mission loaded and delivered, with the moments, in their order."""
-
-    pickup: str
-    model: DroneModel
-    places: list[tuple[int, str]] = field(default_factory=list)
-
-
 async def _too_fast(survey: Survey) -> list[str]:
     position_of = {
         row.station_id: Position(row.longitude_deg, row.latitude_deg)
         async for row in survey.each(select(stations))
     }
-    trips: dict[str, _Trip | None] = {}
+    links: dict[str, list[Any]] = defaultdict(list)
+    of_trips = select(custody).where(custody.c.custodian_kind.in_(("DRONE", "RECIPIENT")))
+    async for link in survey.each(of_trips.order_by(custody.c.at_ms, custody.c.seq)):
+        links[link.mission_id].append(link)
     columns = select(missions.c.mission_id, missions.c.candidate, missions.c.request)
-    async for row in survey.each(columns):
-        trips[row.mission_id] = readable(None, _trip, row)
-    links = select(custody).where(custody.c.custodian_kind.in_(("DRONE", "RECIPIENT")))
-    async for row in survey.each(links.order_by(custody.c.at_ms, custody.c.seq)):
-        if (trip := trips.get(row.mission_id)) is not None:
-            is_loading = row.custodian_kind == "DRONE"
-            trip.places.append((row.at_ms, trip.pickup if is_loading else row.custodian_id))
-    return [key for key, trip in trips.items() if trip and _is_too_fast(trip, position_of)]
-
-
-def _trip(row: Any) -> _Trip:  # a row of missions
-    pickup = json.loads(row.request)["pickup"]["station_id"]
-    return _Trip(pickup, Candidate.read(row.candidate).model)
-
-
-def _is_too_fast(trip: _Trip, position_of: Mapping[str, Position]) -> bool:
-    known: Sequence[tuple[int, Position]] = [
-        (at_ms, position_of[station_id])
-        for at_ms, station_id in trip.places
-        if station_id in position_of
+    return [
+        row.mission_id
+        async for row in survey.each(columns)
+        if readable(False, _is_too_fast, row, links[row.mission_id], position_of)
     ]
+
+
+def _is_too_fast(
+    row: Any,  # a row of missions
+    links: Iterable[Any],  # its rows of custody: its drone loads at the pickup, and delivers
+    position_of: Mapping[str, Position],
+) -> bool:
+    model, pickup = Candidate.read(row.candidate).model, json.loads(row.request)["pickup"]
+    places = (
+        (each.at_ms, pickup["station_id"] if each.custodian_kind == "DRONE" else each.custodian_id)
+        for each in links
+    )
+    known = [(at_ms, position_of[place]) for at_ms, place in places if place in position_of]
     return any(
         after_ms - before_ms
-        < shortest_flight(distance_m(before, after), trip.model).total_seconds() * 1000
-        - _ROUNDING_MS
+        < shortest_flight(distance_m(before, after), model).total_seconds() * 1000 - _ROUNDING_MS
         for (before_ms, before), (after_ms, after) in pairwise(known)
     )
 
@@ -302,12 +264,22 @@ CUSTODY: Final = (
     ),
     Rule(
         "I6 a package is delivered at its destination, or where its mission was aimed",
-        each_where(package_stories, _is_delivered_elsewhere),
+        each_where(
+            package_stories,
+            lambda story: any(each.custodian_id not in story.goals for each in story.delivered),
+        ),
         _ASK_PEOPLE,
     ),
     Rule(
         "I6 a delivery in a chain of custody has a drone's event as evidence",
-        each_where(package_stories, _is_delivered_without_evidence),
+        each_where(
+            package_stories,
+            lambda story: any(
+                each.mission_id not in story.given_up
+                and (each.mission_id, each.custodian_id) not in story.handed_over
+                for each in story.delivered
+            ),
+        ),
         "No DELIVER step of the mission ended at this station with this package. " + _ASK_PEOPLE,
     ),
     Rule(
@@ -356,7 +328,11 @@ CUSTODY: Final = (
     ),
     Rule(
         "I6 a package that a cancellation released is not delivered",
-        rows_where(_DELIVERED, _is_released, "delivery_id", "package_id"),
+        rows_where(
+            _DELIVERED,
+            lambda row: row.package_id in Cancellation.read(row.answer).released,
+            *("delivery_id", "package_id"),
+        ),
         "The customer was notified that the package stays, but it was delivered. Notify the "
         "customer; the alarm FLIES_ON may say more.",
     ),

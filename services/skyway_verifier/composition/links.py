@@ -1,13 +1,16 @@
-"""The rules of links to drones, and of the replicas that share them.
+"""The rules of links to drones, of the replicas that share them, and of messages set aside.
 
-Gapless instructions, open ones in the outbox, true counters.
+Gapless instructions, open ones in the outbox, true counters; messages are shown as they arrived.
 """
 
+import hashlib
 import json
 from collections import Counter
 from collections.abc import Mapping
 from typing import Any, Final
 
+from skyway_composition.quarantine.quarantined import MOST_PAYLOAD_BYTES
+from skyway_composition.quarantine.store import quarantined
 from skyway_composition.tables import (
     cut_steps,
     drone_links,
@@ -15,6 +18,7 @@ from skyway_composition.tables import (
     mission_steps,
     missions,
     outbox,
+    quarantine,
     replicas,
 )
 from sqlalchemy import exists, func, select
@@ -227,4 +231,28 @@ LINKS: Final = (
         "The registry knows the drone's provider. Correct the column that differs.",
     ),
     replica_rule(replicas),
+)
+
+
+def _is_damaged(row: Any) -> bool:  # a row of quarantine
+    shown = quarantined(row)
+    is_hash = hashlib.sha256(row.payload).hexdigest() == row.payload_sha256
+    return (
+        len(row.payload) != min(row.size_bytes, MOST_PAYLOAD_BYTES)
+        or not (is_hash or not shown.is_whole)
+        or f"/{row.provider_id}/{row.drone_id}/" not in row.topic
+        or row.times < 1
+        or row.first_ms > row.last_ms
+    )
+
+
+QUARANTINE: Final = (
+    Rule(
+        "a set-aside message is shown as it arrived",
+        rows_where(
+            select(quarantine), lambda row: readable(True, _is_damaged, row), "quarantine_id"
+        ),
+        "The message was never taken, so nothing depends on its row. Delete it: DELETE "
+        "/v1/quarantine/{quarantine_id}.",
+    ),
 )

@@ -94,10 +94,6 @@ _WITHOUT_ALARM: Final = select(missions).where(
 )
 
 
-def _is_in_doubt(row: Any) -> bool:  # a row of missions
-    return json.loads(row.body)["doubt"] is not None
-
-
 async def _lost_proposals(survey: Survey) -> list[str]:
     columns = select(missions.c.mission_id, missions.c.proposal)
     proposing = await survey.rows(columns.where(missions.c.proposal.is_not(None)))
@@ -195,7 +191,9 @@ MISSIONS: Final = (
     ),
     Rule(
         "a mission in doubt has called an operator",
-        rows_where(_WITHOUT_ALARM, _is_in_doubt, "mission_id"),
+        rows_where(
+            _WITHOUT_ALARM, lambda row: json.loads(row.body)["doubt"] is not None, "mission_id"
+        ),
         "The alarm MISSION_IN_DOUBT was not raised, or its row was deleted. Find out where drone "
         "and packages are, and end the mission: POST /v1/missions/{id}/commands with GIVE_UP.",
     ),

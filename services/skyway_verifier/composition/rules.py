@@ -32,11 +32,10 @@ from skyway.contracts.mission import Cancellation, Mission
 from skyway.delivery.request import DeliveryRequest
 from skyway_verifier.composition.calendars import CALENDARS, read_stored_stays
 from skyway_verifier.composition.custody import CUSTODY
-from skyway_verifier.composition.links import LINKS
+from skyway_verifier.composition.links import LINKS, QUARANTINE
 from skyway_verifier.composition.missions import MISSIONS, NO_SHOWS, REPORTS
 from skyway_verifier.composition.networks import CLOSURES, NETWORKS
 from skyway_verifier.composition.pads import HOLDS, PADS
-from skyway_verifier.composition.quarantine import QUARANTINE
 from skyway_verifier.composition.shares import SHARED
 from skyway_verifier.composition.steps import STEPS
 from skyway_verifier.rule import Rule

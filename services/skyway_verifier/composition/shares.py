@@ -3,6 +3,8 @@
 import json
 from collections import defaultdict
 from collections.abc import Mapping
+from itertools import combinations
+from operator import attrgetter
 from typing import Any, Final
 
 from skyway_composition.missions.mission.share import Share, read_shares
@@ -53,38 +55,21 @@ async def owners(survey: Survey) -> Mapping[tuple[str, str], tuple[str, str] | N
 
 async def _unlike_guests(survey: Survey) -> set[str]:
     """Hosts whose shares are not their delivery and their guests."""
-    shares = await survey.once(shares_of)
-    stored = await survey.once(guests_of_hosts)
-    query = select(missions.c.mission_id, missions.c.delivery_id).where(
-        missions.c.shares.is_not(None)
-    )
-    delivery_of = {row.mission_id: row.delivery_id for row in await survey.rows(query)}
+    shares, stored = await survey.once(shares_of), await survey.once(guests_of_hosts)
+    columns = select(missions.c.mission_id, missions.c.delivery_id)
+    hosts = await survey.rows(columns.where(missions.c.shares.is_not(None)))
     wrong = {
-        mission_id
-        for mission_id, own in shares.items()
-        if not own
-        or (own[0].mission_id, own[0].delivery_id) != (mission_id, delivery_of[mission_id])
+        host.mission_id
+        for host in hosts
+        if (own := shares.get(host.mission_id)) is not None
+        and (not own or tuple(host) != (own[0].mission_id, own[0].delivery_id))
     }
-    for host_id, rows in stored.items():
-        known = {
-            (each.mission_id, each.delivery_id, each.attempt) for each in shares.get(host_id, ())
-        }
-        if not {(row.mission_id, row.delivery_id, row.attempt) for row in rows} <= known:
-            wrong.add(host_id)
-    return wrong
-
-
-def _have_wrong_prices(shares: tuple[Share, ...]) -> bool:
-    """Whether the shares would pay more together than alone, or one is pooled alone."""
-    return sum(each.is_pooled for each in shares) == 1 or any(
-        each.pooled_price.amount > each.price.amount for each in shares
-    )
-
-
-def _share_a_name(shares: tuple[Share, ...]) -> bool:
-    """Whether two packages fly under one id."""
-    flying = [package_id for each in shares for package_id in each.packages]
-    return len(flying) > len(set(flying))
+    guest = attrgetter("mission_id", "delivery_id", "attempt")
+    return wrong | {
+        host_id
+        for host_id, rows in stored.items()
+        if not set(map(guest, rows)) <= set(map(guest, shares.get(host_id, ())))
+    }
 
 
 async def _far_pickups(survey: Survey) -> set[str]:
@@ -123,13 +108,25 @@ SHARED: Final = (
     ),
     Rule(
         "each package of a shared mission flies under its own id",
-        each_where(shares_of, _share_a_name),
+        each_where(
+            shares_of,
+            lambda shares: any(
+                not one.packages.keys().isdisjoint(other.packages)
+                for one, other in combinations(shares, 2)
+            ),
+        ),
         "The drone cannot distinguish the packages. Cancel one of the deliveries before it is "
         "loaded; else ask people at the hand-over.",
     ),
     Rule(
         "a pooled price is paid together, and is no higher than the price alone",
-        each_where(shares_of, _have_wrong_prices),
+        each_where(
+            shares_of,
+            lambda shares: (
+                sum(each.is_pooled for each in shares) == 1
+                or any(each.pooled_price.amount > each.price.amount for each in shares)
+            ),
+        ),
         "`is_pooled` is true in the shares that the drone has loaded together, at least two. The "
         "gateway's copy of each mission has the price that its customer saw.",
     ),

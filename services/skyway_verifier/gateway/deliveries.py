@@ -74,10 +74,6 @@ async def _other_packages(survey: Survey) -> list[str]:
     ]
 
 
-def _has_other_rank(row: Any) -> bool:  # a row of deliveries
-    return bool(row.queue_rank != PRIORITY_RANKS[DeliveryRequest.read(row.request).qos.priority])
-
-
 def _requested(text: str) -> tuple[str | None, dict[str, Any]]:
     """The reference of a request, and each package's number, destination and mass."""
     request = json.loads(text)
@@ -169,7 +165,11 @@ DELIVERIES: Final = (
     Rule(
         "I5 requests wait in the order of their classes",
         rows_where(
-            select(deliveries).where(deliveries.c.is_queued), _has_other_rank, "delivery_id"
+            select(deliveries).where(deliveries.c.is_queued),
+            lambda row: (
+                row.queue_rank != PRIORITY_RANKS[DeliveryRequest.read(row.request).qos.priority]
+            ),
+            "delivery_id",
         ),
         "Set `queue_rank` to 0 where `request` has the priority PRIORITY, else to 1.",
     ),

@@ -2,7 +2,6 @@
 
 from collections import defaultdict
 from collections.abc import AsyncIterator, Mapping
-from itertools import repeat
 
 from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES
 from skyway_gateway.delivery_tables import deliveries, missions, packages
@@ -81,7 +80,7 @@ async def _packages(survey: Survey) -> Mapping[str, dict[str, PackageFacts]]:
     """By delivery: its packages with their custodians."""
     found: dict[str, dict[str, PackageFacts]] = defaultdict(dict)
     for (delivery_id, package_id), story in (await survey.once(package_stories)).items():
-        links = zip(story.kinds, story.custodians, repeat(story.row.mission_id))
+        links = ((*link, story.row.mission_id) for link in story.links)
         found[delivery_id][package_id] = PackageFacts.of(links)
     return found
 

@@ -79,12 +79,15 @@ class PackageStory:
     pickup: str
     goals: set[str]
     drones: set[str]
-    kinds: list[str] = field(default_factory=list)
-    custodians: list[str] = field(default_factory=list)
+    links: list[tuple[str, str]] = field(default_factory=list)  # kind and id of each custodian
     ends: list[End] = field(default_factory=list)
     planned: Mapping[str, Any] = field(default_factory=dict)
     delivered: Mapping[str, Any] = field(default_factory=dict)
     is_brought: bool = False
+
+    def had_by(self, kind: str) -> set[str]:
+        """The custodians of a kind that had it."""
+        return {custodian_id for each, custodian_id in self.links if each == kind}
 
 
 _first = custody.alias("first")
@@ -130,8 +133,7 @@ async def package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageSto
     links = select(custody).order_by(custody.c.delivery_id, custody.c.package_id, custody.c.seq)
     async for row in survey.each(links):
         if (story := found.get((row.delivery_id, row.package_id))) is not None:
-            story.kinds.append(row.custodian_kind)
-            story.custodians.append(row.custodian_id)
+            story.links.append((row.custodian_kind, row.custodian_id))
     async for row in survey.each(_MOVED):
         if (story := found.get((row.delivery_id, row.package_id))) is not None:
             story.is_brought |= _allows_pickup(row)
@@ -186,27 +188,14 @@ def _link_count(*conditions: ColumnElement[bool]) -> ColumnElement[int]:
     return statement.correlate(packages).scalar_subquery()
 
 
-def _begins_elsewhere(story: PackageStory) -> bool:
-    return (story.kinds[:1], story.custodians[:1]) != (["STATION"], [story.pickup])
-
-
 def _has_impossible_link(story: PackageStory) -> bool:
     """Only a drone moves a package: of two links that follow one another, one is a drone's.
 
     Before that, its customer may bring it to another station that the request allows.
     """
-    kinds = story.kinds[1:] if story.is_brought else story.kinds
-    return any((before == "DRONE") == (after == "DRONE") for before, after in pairwise(kinds))
-
-
-def _is_carried_by_another(story: PackageStory) -> bool:
-    links = zip(story.kinds, story.custodians, strict=True)
-    return any(kind == "DRONE" and drone not in story.drones for kind, drone in links)
-
-
-def _is_delivered_elsewhere(story: PackageStory) -> bool:
-    links = zip(story.kinds, story.custodians, strict=True)
-    return any(kind == "RECIPIENT" and place not in story.goals for kind, place in links)
+    links = story.links[1:] if story.is_brought else story.links
+    flew = [kind == "DRONE" for kind, _ in links]
+    return any(before == after for before, after in pairwise(flew))
 
 
 def _ends_otherwise_than_notified(story: PackageStory) -> bool:
@@ -353,7 +342,7 @@ PACKAGES: Final = (
     ),
     Rule(
         "I6 a chain of custody begins at the pickup",
-        each_where(package_stories, _begins_elsewhere),
+        each_where(package_stories, lambda story: story.links[:1] != [("STATION", story.pickup)]),
         _FROM_COMPOSITION,
     ),
     Rule(
@@ -363,12 +352,12 @@ PACKAGES: Final = (
     ),
     Rule(
         "I6 only drones of the delivery's missions have its packages",
-        each_where(package_stories, _is_carried_by_another),
+        each_where(package_stories, lambda story: not story.had_by("DRONE") <= story.drones),
         _FROM_COMPOSITION,
     ),
     Rule(
         "I6 a package is delivered at its destination or its alternative",
-        each_where(package_stories, _is_delivered_elsewhere),
+        each_where(package_stories, lambda story: not story.had_by("RECIPIENT") <= story.goals),
         _FROM_EVENTS,
     ),
     Rule(
