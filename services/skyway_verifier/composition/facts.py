@@ -3,7 +3,7 @@
 import json
 from collections import defaultdict
 from collections.abc import AsyncIterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from skyway_composition.missions.mission.row import PROMISED
 from skyway_composition.tables import (
@@ -14,14 +14,14 @@ from skyway_composition.tables import (
     missions,
     networks,
     offer_holds,
-    outbox,
     stations,
 )
-from sqlalchemy import func, select
+from sqlalchemy import select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.units import moment_to_ms
 from skyway_verifier.composition.custody import package_stories
+from skyway_verifier.composition.missions import waiting_reports
 from skyway_verifier.composition.shares import guests_of_hosts, owners, shares_of
 from skyway_verifier.facts import (
     CopyFacts,
@@ -33,13 +33,6 @@ from skyway_verifier.facts import (
     stations_hash,
 )
 from skyway_verifier.rule import Survey
-
-
-class _Waiting(NamedTuple):
-    """How many reports about a mission wait, and how often the first was sent in vain."""
-
-    reports: int = 0
-    tries: int = 0
 
 
 async def read_facts(survey: Survey) -> Facts:
@@ -64,38 +57,27 @@ async def read_facts(survey: Survey) -> Facts:
 
 async def _missions(survey: Survey) -> Mapping[str, list[MissionFacts]]:
     """By delivery: its missions; a shared mission is one of each of its deliveries."""
-    waiting = await _waiting(survey, "gateway")
+    waiting = await survey.once(waiting_reports)
     found: dict[str, list[MissionFacts]] = defaultdict(list)
     shares = await survey.once(shares_of)
     async for row in survey.each(select(missions)):
         host, *guests = shares.get(row.mission_id) or (None,)
         price = json.loads(row.body)["price"] if host is None else host.charged.model_dump()
+        # The gateway is not notified when a mission is sent.
+        state = "BOOKED" if row.state == "QUEUED" else row.state
         # The host is a row of missions, a guest has a share.
         parts: list[tuple[Any, Any]] = [(row, price)]
         for of, charged in parts + [(each, each.charged.model_dump()) for each in guests]:
+            reports = waiting.get(("gateway", of.mission_id), ())
             mission = MissionFacts(
-                mission_id=of.mission_id,
-                attempt=of.attempt,
-                trip=of.trip,
-                provider_id=row.provider_id,
-                drone_id=row.drone_id,
-                # The gateway is not notified when a mission is sent.
-                state="BOOKED" if row.state == "QUEUED" else row.state,
+                *(of.mission_id, of.attempt, of.trip, row.provider_id, row.drone_id, state),
                 price=(charged["amount"], charged["currency"]),
                 report_seq=of.report_seq,
-                waiting_reports=waiting[of.mission_id].reports,
-                tries=waiting[of.mission_id].tries,
+                waiting_reports=len(reports),
+                tries=max((each.attempts for each in reports), default=0),
             )
             found[of.delivery_id].append(mission)
     return found
-
-
-async def _waiting(survey: Survey, channel: str) -> Mapping[str, _Waiting]:
-    """The reports about each mission that wait for a service."""
-    query = select(outbox.c.stream, func.count(), func.max(outbox.c.attempts))
-    of_channel = query.where(outbox.c.channel == channel).group_by(outbox.c.stream)
-    rows = await survey.rows(of_channel)
-    return defaultdict(_Waiting, {row[0]: _Waiting(*row[1:]) for row in rows})
 
 
 async def _packages(survey: Survey) -> Mapping[str, dict[str, PackageFacts]]:
@@ -117,20 +99,16 @@ async def _packages(survey: Survey) -> Mapping[str, dict[str, PackageFacts]]:
 
 
 async def _hints(survey: Survey) -> Mapping[str, HintFacts]:
-    waiting = await _waiting(survey, "registry")
-    columns = select(
-        missions.c.mission_id, missions.c.drone_id, missions.c.state, missions.c.report_seq
-    )
+    waiting = await survey.once(waiting_reports)
+    names = "mission_id", "drone_id", "state", "report_seq"
+    rows = survey.each(select(*(missions.c[name] for name in names)))
     return {
         row.mission_id: HintFacts(
-            mission_id=row.mission_id,
-            drone_id=row.drone_id,
-            state=row.state,
-            is_live=row.state in LIVE_MISSION_STATES,
+            *(row.mission_id, row.drone_id, row.state, row.state in LIVE_MISSION_STATES),
             report_seq=row.report_seq,
-            waiting_reports=waiting[row.mission_id].reports,
+            waiting_reports=len(waiting.get(("registry", row.mission_id), ())),
         )
-        async for row in survey.each(columns)
+        async for row in rows
     }
 
 

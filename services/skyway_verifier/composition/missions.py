@@ -3,7 +3,7 @@
 import json
 from collections import defaultdict
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from skyway_composition.tables import (
     alarms,
@@ -24,7 +24,7 @@ from sqlalchemy import and_, exists, func, or_, select
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.mission_reports import MissionReport
 from skyway_verifier.composition.shares import shares_of
-from skyway_verifier.finders import any_of, differs, ms_of, repeats, rows_where
+from skyway_verifier.finders import any_of, differs, ms_of, readable, repeats, rows_where
 from skyway_verifier.rule import Rule, Survey
 from skyway_verifier.storage_rules import later_than
 
@@ -34,16 +34,8 @@ _AGAINST_BODY: Final = (
 )
 #: The columns that `missions.body` repeats.
 _REPEATED: Final = (
-    *(
-        "mission_id",
-        "delivery_id",
-        "attempt",
-        "trip",
-        "provider_id",
-        "drone_id",
-        "state",
-        "loading",
-    ),
+    *("mission_id", "delivery_id", "attempt", "trip", "provider_id", "drone_id"),
+    *("state", "loading"),
 )
 #: Missions that need a plan are looked at every 2 s; clocks of machines may differ. Wall ms.
 _LONGEST_WAIT_MS: Final = 600_000
@@ -246,14 +238,21 @@ MISSIONS: Final = (
 )
 
 
-async def _waiting(survey: Survey) -> Mapping[tuple[str, str], list[int]]:
-    """By service and mission: the numbers of the reports that wait in the outbox, in order."""
-    waiting: dict[tuple[str, str], list[int]] = defaultdict(list)
+class WaitingReport(NamedTuple):
+    """A report in the outbox: its number, -1 if it is about another mission, and its attempts."""
+
+    number: int
+    attempts: int
+
+
+async def waiting_reports(survey: Survey) -> Mapping[tuple[str, str], list[WaitingReport]]:
+    """By service and mission: the reports that wait in the outbox, in order."""
+    waiting: dict[tuple[str, str], list[WaitingReport]] = defaultdict(list)
     query = select(outbox).where(outbox.c.channel.in_(_RECEIVERS)).order_by(outbox.c.id)
     async for row in survey.each(query):
-        report = MissionReport.read(row.payload)
-        number = report.seq if report.mission_id == row.stream else -1
-        waiting[row.channel, row.stream].append(number)
+        report = readable(None, MissionReport.read, row.payload)
+        number = report.seq if report is not None and report.mission_id == row.stream else -1
+        waiting[row.channel, row.stream].append(WaitingReport(number, row.attempts))
     return waiting
 
 
@@ -264,7 +263,8 @@ async def _with_gaps(survey: Survey) -> set[str]:
         last |= {each.mission_id: each.report_seq for each in of_guests}
     return {
         mission_id
-        for (service, mission_id), numbers in (await survey.once(_waiting)).items()
+        for (service, mission_id), reports in (await survey.once(waiting_reports)).items()
+        for numbers in [[each.number for each in reports]]
         if not _is_whole(numbers, last.get(mission_id, 0), is_gapless=service == "gateway")
     }
 

@@ -183,27 +183,18 @@ async def _met_by(survey: Survey, network_id: str, conditions: Conditions) -> se
     found: set[str] = set()
     for closure in conditions.closures:
         if closure.kind == "PAD":
-            found |= {row.mission_id for row in held if _charges_at(row, closure)}
+            pad = closure.station_id, closure.pad
+            on_pad = (row for row in held if (row.station_id, row.pad) == pad)
+            found |= {row.mission_id for row in on_pad if _begins_within(row.start_ms, closure)}
         elif closure.kind != "GROUND_STOP":
             stations, segments = map(set, conditions.reach(closure))
-            found |= {
-                row.mission_id
-                for row in flights
-                if (_lands_at(row, closure, stations) or _flies(row, closure, segments))
-                and json.loads(row.body)["given_up"] is None
-            }
+            for row in flights:
+                lands = row.lands and row.to_station_id in stations
+                is_met = lands and _begins_within(row.planned_end_ms, closure)
+                is_flown = json.loads(row.body)["given_up"] is None
+                if is_flown and (is_met or _flies(row, closure, segments)):
+                    found.add(row.mission_id)
     return found
-
-
-def _charges_at(row: Any, closure: Closure) -> bool:  # a row of pad_reservations
-    is_there = (row.station_id, row.pad) == (closure.station_id, closure.pad)
-    return is_there and _begins_within(row.start_ms, closure)
-
-
-def _lands_at(row: Any, closure: Closure, stations: Iterable[Any]) -> bool:  # of mission_steps
-    return (
-        row.lands and row.to_station_id in stations and _begins_within(row.planned_end_ms, closure)
-    )
 
 
 def _flies(row: Any, closure: Closure, segments: Iterable[Any]) -> bool:  # of mission_steps

@@ -38,13 +38,7 @@ async def _deliveries(survey: Survey) -> Mapping[str, DeliveryFacts]:
     waiting = dict(
         [tuple(row) for row in await survey.rows(to_composition.group_by(outbox.c.stream))]
     )
-    columns = (
-        deliveries.c.delivery_id,
-        deliveries.c.state,
-        deliveries.c.is_queued,
-        deliveries.c.cancel_reason,
-        deliveries.c.is_leaving,
-    )
+    names = "delivery_id", "state", "is_queued", "cancel_reason", "is_leaving"
     return {
         row.delivery_id: DeliveryFacts(
             row.delivery_id,
@@ -55,7 +49,7 @@ async def _deliveries(survey: Survey) -> Mapping[str, DeliveryFacts]:
             missions=tuple(flown.get(row.delivery_id, ())),
             packages=carried.get(row.delivery_id, {}),
         )
-        async for row in survey.each(select(*columns))
+        async for row in survey.each(select(*(deliveries.c[name] for name in names)))
     }
 
 
@@ -63,12 +57,7 @@ async def _missions(survey: Survey) -> Mapping[str, list[MissionFacts]]:
     found: dict[str, list[MissionFacts]] = defaultdict(list)
     async for row in survey.each(select(missions)):
         mission = MissionFacts(
-            mission_id=row.mission_id,
-            attempt=row.attempt,
-            trip=row.trip,
-            provider_id=row.provider_id,
-            drone_id=row.drone_id,
-            state=row.state,
+            *(row.mission_id, row.attempt, row.trip, row.provider_id, row.drone_id, row.state),
             price=(row.price_amount, row.currency),
             report_seq=row.report_seq,
         )

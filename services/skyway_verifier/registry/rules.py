@@ -220,11 +220,7 @@ async def read_facts(survey: Survey) -> Facts:
     return Facts(
         hints={
             row.mission_id: HintFacts(
-                mission_id=row.mission_id,
-                drone_id=row.drone_id,
-                state=row.mission_state,
-                is_live=row.is_live,
-                report_seq=row.seq,
+                *(row.mission_id, row.drone_id, row.mission_state, row.is_live), report_seq=row.seq
             )
             async for row in survey.each(select(mission_hints))
         },
