@@ -71,7 +71,7 @@ async def across(gateway: Checked, registry: Checked) -> Findings:
     return await check(databases, [KNOWN], wall_at=NOW, pauses_s=(0.0,))
 
 
-async def test_a_sound_database_is_looked_at_once() -> None:
+async def test_a_sound_database_gets_a_single_look() -> None:
     db = Surveys()
 
     found = await check({"gateway": Checked(db, [rule(list)])}, wall_at=NOW)

@@ -119,8 +119,12 @@ def _unreported_deliveries(composition: DeliveryFacts, gateway: DeliveryFacts) -
         if each.waiting_reports > 0 or each.state in ("ABORTED", "CANCELLED", "REFUSED")
     }
     for package_id, package in composition.packages.items():
-        is_told = _package(gateway, package_id).recipient is not None
-        if package.recipient is not None and package.recipient[1] not in waiting and not is_told:
+        is_reported = _package(gateway, package_id).recipient is not None
+        if (
+            package.recipient is not None
+            and package.recipient[1] not in waiting
+            and not is_reported
+        ):
             yield f"{composition.delivery_id}/{package_id}"
 
 

@@ -191,8 +191,8 @@ async def _met_by(survey: Survey, network_id: str, conditions: Conditions) -> se
             for row in flights:
                 lands = row.lands and row.to_station_id in stations
                 is_met = lands and _begins_within(row.planned_end_ms, closure)
-                is_flown = json.loads(row.body)["given_up"] is None
-                if is_flown and (is_met or _flies(row, closure, segments)):
+                is_met = is_met or _flies(row, closure, segments)
+                if is_met and json.loads(row.body)["given_up"] is None:
                     found.add(row.mission_id)
     return found
 

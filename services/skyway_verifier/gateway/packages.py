@@ -76,8 +76,7 @@ class PackageStory:
     """
 
     row: Any  # of packages, with its delivery's request and state
-    pickup: str
-    goals: set[str]
+    asked: tuple[str, set[str]] | None  # pickup and goals; None if the request cannot be read
     drones: set[str]
     links: list[tuple[str, str]] = field(default_factory=list)  # kind and id of each custodian
     ends: list[End] = field(default_factory=list)
@@ -119,7 +118,7 @@ _MOVED: Final = (
 
 
 async def package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageStory]:
-    """All packages by delivery and package; those whose request cannot be read are left out."""
+    """All packages by delivery and package."""
     drones: dict[str, set[str]] = defaultdict(set)
     async for row in survey.each(select(missions.c.delivery_id, missions.c.drone_id)):
         drones[row.delivery_id].add(row.drone_id)
@@ -128,15 +127,15 @@ async def package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageSto
     )
     found: dict[tuple[str, str], PackageStory] = {}
     async for row in survey.each(query):
-        if (story := readable(None, _story, row, drones[row.delivery_id])) is not None:
-            found[row.delivery_id, row.package_id] = story
+        asked = readable(None, _asked, row)
+        found[row.delivery_id, row.package_id] = PackageStory(row, asked, drones[row.delivery_id])
     links = select(custody).order_by(custody.c.delivery_id, custody.c.package_id, custody.c.seq)
     async for row in survey.each(links):
         if (story := found.get((row.delivery_id, row.package_id))) is not None:
             story.links.append((row.custodian_kind, row.custodian_id))
     async for row in survey.each(_MOVED):
         if (story := found.get((row.delivery_id, row.package_id))) is not None:
-            story.is_brought |= _allows_pickup(row)
+            story.is_brought |= readable(False, _allows_pickup, row)
     of_packages = select(events).where(events.c.type.in_(_EVENTS))
     async for row in survey.each(of_packages.order_by(events.c.sequence)):
         _notify(found, row, json.loads(row.body)["data"])
@@ -164,13 +163,13 @@ def _notify(
             story.ends.append((event.type, None, None, None))
 
 
-def _story(row: Any, drones: set[str]) -> PackageStory:  # a row of packages
-    """The package without its links and events."""
+def _asked(row: Any) -> tuple[str, set[str]]:  # a row of packages
+    """Where its request wants it to be picked up and handed over."""
     request = json.loads(row.request)
     asked = (each for each in request["packages"] if each["package_id"] == row.package_id)
     places = (place for each in asked for place in (each["destination"], each["alternative"]))
     goals = {place["station_id"] for place in places if place is not None}
-    return PackageStory(row, request["pickup"]["station_id"], goals, drones)
+    return request["pickup"]["station_id"], goals
 
 
 def _allows_pickup(row: Any) -> bool:  # a row of _MOVED
@@ -342,7 +341,12 @@ PACKAGES: Final = (
     ),
     Rule(
         "I6 a chain of custody begins at the pickup",
-        each_where(package_stories, lambda story: story.links[:1] != [("STATION", story.pickup)]),
+        each_where(
+            package_stories,
+            lambda story: (
+                story.asked is not None and story.links[:1] != [("STATION", story.asked[0])]
+            ),
+        ),
         _FROM_COMPOSITION,
     ),
     Rule(
@@ -357,7 +361,12 @@ PACKAGES: Final = (
     ),
     Rule(
         "I6 a package is delivered at its destination or its alternative",
-        each_where(package_stories, lambda story: not story.had_by("RECIPIENT") <= story.goals),
+        each_where(
+            package_stories,
+            lambda story: (
+                story.asked is not None and not story.had_by("RECIPIENT") <= story.asked[1]
+            ),
+        ),
         _FROM_EVENTS,
     ),
     Rule(
