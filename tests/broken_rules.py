@@ -3,16 +3,20 @@
 from collections.abc import Sequence
 from contextlib import AbstractAsyncContextManager
 from datetime import UTC, datetime
-from typing import Final, cast
+from typing import Final
 
+from skyway_verifier.check import Checked, check
+from skyway_verifier.rule import Rule
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.runtime.sql.database import Database
-from skyway.runtime.verification.check import find_broken
-from skyway.runtime.verification.rule import Rule
+from skyway.runtime.sql.read_only import Surveyed
 
 #: When the fixture `clock` begins.
 _START: Final = datetime(2026, 3, 1, 12, tzinfo=UTC)
+
+#: The system of a test stands still.
+NO_PAUSE: Final = (0.0,)
 
 
 async def broken_rules(
@@ -23,15 +27,15 @@ async def broken_rules(
     fleet_at: datetime | None = None,
 ) -> list[tuple[str, str]]:
     """The name of each broken rule, with the subject that breaks it."""
-    found = await find_broken(
-        surveyed_soon(db), rules, wall_at=wall_at, fleet_at=fleet_at, pause=_no_pause
-    )
-    return [(each.rule, each.subject) for each in found]
+    checked = Checked(surveyed_soon(db), rules)
+    found = await check({"db": checked}, wall_at=wall_at, fleet_at=fleet_at, pauses_s=NO_PAUSE)
+    assert not found.errors
+    return [(each.rule, each.subject) for each in found.broken["db"]]
 
 
-def surveyed_soon(db: Database) -> Database:
+def surveyed_soon(db: Database) -> Surveyed:
     """A database whose surveys take little time in tests."""
-    return cast("Database", _SurveyedInTheLoop(db)) if db.dialect == "sqlite" else db
+    return _SurveyedInTheLoop(db) if db.dialect == "sqlite" else db
 
 
 class _SurveyedInTheLoop:
@@ -48,7 +52,3 @@ class _SurveyedInTheLoop:
     def survey(self) -> AbstractAsyncContextManager[AsyncConnection]:
         """A connection to read from. All reads see the data of one moment."""
         return self._db.read()
-
-
-async def _no_pause() -> None:
-    """The system of a test stands still."""

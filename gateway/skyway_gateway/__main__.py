@@ -1,14 +1,19 @@
-"""Runs the gateway: ``python -m skyway_gateway [serve | migrate | verify | archive]``."""
+"""Runs the gateway: ``python -m skyway_gateway [serve | migrate | archive]``."""
 
 import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from skyway.runtime.garbage import load_without_collecting
+
+if TYPE_CHECKING:
+    from skyway.runtime.archive.archived_table import ArchivedTable
 
 
 def main() -> int:
     """Run the command; the exit code."""
     load_without_collecting()
-    from skyway.runtime.service_process import ServiceProcess, StoredData
+    from skyway.runtime.service_process import ServiceProcess
     from skyway_gateway.settings import GatewaySettings
 
     def serve(settings: GatewaySettings) -> int:
@@ -17,14 +22,12 @@ def main() -> int:
 
         return serve(build_app(settings), settings)
 
-    def data() -> StoredData:
+    def archived() -> "Sequence[ArchivedTable]":
         from skyway_gateway.retention.archived_tables import ARCHIVED
-        from skyway_gateway.verify.facts import FACTS
-        from skyway_gateway.verify.rules import RULES
 
-        return StoredData(RULES, FACTS, ARCHIVED)
+        return ARCHIVED
 
-    return ServiceProcess("gateway", "skyway_gateway", GatewaySettings, serve, data).run()
+    return ServiceProcess("gateway", "skyway_gateway", GatewaySettings, serve, archived).run()
 
 
 if __name__ == "__main__":

@@ -1,15 +1,19 @@
-"""Runs composition: ``python -m skyway_composition [serve | migrate | verify | archive]``."""
+"""Runs composition: ``python -m skyway_composition [serve | migrate | archive]``."""
 
 import sys
-from typing import Final
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
 
 from skyway.runtime.garbage import load_without_collecting
+
+if TYPE_CHECKING:
+    from skyway.runtime.archive.archived_table import ArchivedTable
 
 _PACKAGE: Final = "skyway_composition"
 
 
 def _run() -> int:
-    from skyway.runtime.service_process import ServiceProcess, StoredData
+    from skyway.runtime.service_process import ServiceProcess
     from skyway_composition.settings import CompositionSettings
 
     def serve(settings: CompositionSettings) -> int:
@@ -18,13 +22,12 @@ def _run() -> int:
 
         return serve(build_app(settings), settings)
 
-    def data() -> StoredData:
+    def archived() -> "Sequence[ArchivedTable]":
         from skyway_composition.retention.archived_tables import ARCHIVED
-        from skyway_composition.verify.rules import FACTS, RULES
 
-        return StoredData(RULES, FACTS, ARCHIVED)
+        return ARCHIVED
 
-    return ServiceProcess("composition", _PACKAGE, CompositionSettings, serve, data).run()
+    return ServiceProcess("composition", _PACKAGE, CompositionSettings, serve, archived).run()
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""Runs the registry: ``python -m skyway_provider_registry [serve | migrate | verify]``."""
+"""Runs the registry: ``python -m skyway_provider_registry [serve | migrate]``."""
 
 import sys
 
@@ -10,7 +10,7 @@ _PACKAGE = "skyway_provider_registry"
 def main() -> int:
     """Run the command; the exit code."""
     load_without_collecting()
-    from skyway.runtime.service_process import ServiceProcess, StoredData
+    from skyway.runtime.service_process import ServiceProcess
     from skyway_provider_registry.settings import RegistrySettings
 
     def serve(settings: RegistrySettings) -> int:
@@ -19,12 +19,7 @@ def main() -> int:
 
         return serve(build_app(settings), settings)
 
-    def data() -> StoredData:
-        from skyway_provider_registry.verify import FACTS, RULES
-
-        return StoredData(RULES, FACTS)
-
-    return ServiceProcess("registry", _PACKAGE, RegistrySettings, serve, data).run()
+    return ServiceProcess("registry", _PACKAGE, RegistrySettings, serve, tuple).run()
 
 
 if __name__ == "__main__":

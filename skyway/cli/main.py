@@ -36,7 +36,7 @@ _COMMANDS: Final = {
     "secrets": "system.secrets:secrets_command",
     "nats": "system.nats_files:nats_command",
     "archive": "archive:archive_command",
-    "verify": "verify.command:verify_command",
+    "verify": "verify:verify_command",
     "doctor": "doctor:doctor_command",
     "network": "network:network_app",
 }

@@ -1,14 +1,13 @@
-"""A cloud service as a process: ``python -m PACKAGE [serve | migrate | verify | archive]``.
+"""A cloud service as a process: ``python -m PACKAGE [serve | migrate | archive]``.
 
-Each command imports what it needs: `serve` no rules and no archive, all others no app.
+Each command imports what it needs: `serve` no archive, all others no app.
 """
 
 import argparse
 import asyncio
-import json
 import logging
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,26 +19,12 @@ from skyway.runtime.settings import ArchiveSettings, DatabaseSettings, ServiceSe
 
 if TYPE_CHECKING:
     from skyway.runtime.archive.archived_table import ArchivedTable
-    from skyway.runtime.verification.fact_files import FactReader
-    from skyway.runtime.verification.rule import Rule
 
 S = TypeVar("S", bound=ServiceSettings)
-
-#: How long a running system needs to settle, seconds of wall time.
-_SETTLES_WITHIN_S: Final = 2.0
 
 #: How long a busy event loop may keep its database threads from running, seconds. With Python's
 #: 5 ms an answer waits twice as long for SQLite while others flood the service.
 _SWITCH_INTERVAL_S: Final = 0.0005
-
-
-@dataclass(frozen=True, slots=True)
-class StoredData:
-    """What `verify` checks of a service's data, and what `archive` writes of it."""
-
-    rules: Sequence["Rule"]
-    facts: Mapping[str, "FactReader"]
-    archived: Sequence["ArchivedTable"] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,15 +36,14 @@ class ServiceProcess(Generic[S]):
     settings: type[S]
     #: Imports the app and serves it; returns the exit code.
     serve: Callable[[S], int]
-    #: Imports what is known of its data.
-    data: Callable[[], StoredData]
+    #: Imports the tables that `archive` writes.
+    archived: Callable[[], Sequence["ArchivedTable"]]
 
     def run(self, arguments: Sequence[str] | None = None) -> int:
-        """The exit code; 1 when `verify` found something."""
+        """The exit code."""
         parser = argparse.ArgumentParser(prog=f"python -m {self.package}")
-        commands = ("migrate", "serve", "verify", "archive")
+        commands = ("migrate", "serve", "archive")
         parser.add_argument("command", nargs="?", default="serve", choices=commands)
-        parser.add_argument("--facts", type=Path, help="of verify: a new folder for facts")
         parser.add_argument("--folder", type=Path, help="of archive: where the files are")
         given = parser.parse_args(arguments)
         return exit_code_after(self.package, partial(self._run, given))
@@ -67,8 +51,6 @@ class ServiceProcess(Generic[S]):
     def _run(self, given: argparse.Namespace) -> int:
         if given.command != "serve":
             keep_what_is_loaded()
-        if given.command == "verify":
-            return self._verify(given.facts)
         if given.command == "archive":
             return asyncio.run(self._archive(given.folder or Path("archive")))
         return self._migrate() if given.command == "migrate" else self._serve()
@@ -93,9 +75,6 @@ class ServiceProcess(Generic[S]):
         asyncio.run(migrate(DatabaseSettings.load().database_url, self.package))
         return 0
 
-    def _verify(self, folder: Path | None) -> int:
-        return asyncio.run(self._print_broken_rules(ArchiveSettings.load(), folder))
-
     async def _archive(self, folder: Path) -> int:
         from skyway.runtime.archive.export import Export
         from skyway.runtime.clock import load_clock
@@ -104,26 +83,6 @@ class ServiceProcess(Generic[S]):
         settings = ArchiveSettings.load()
         async with Database(settings.database_url) as db:
             export = Export(db, load_clock(settings.clock_file), folder)
-            for each in await export.write(self.data().archived):
+            for each in await export.write(self.archived()):
                 sys.stdout.write(each.model_dump_json() + "\n")
         return 0
-
-    async def _print_broken_rules(self, settings: ArchiveSettings, folder: Path | None) -> int:
-        from skyway.runtime.clock import fleet_margin, load_clock
-        from skyway.runtime.sql.database import Database
-        from skyway.runtime.verification.check import check
-
-        clock, data = load_clock(settings.clock_file), self.data()
-        async with Database(settings.database_url) as db:
-            broken = await check(
-                db,
-                data.rules,
-                data.facts,
-                folder=folder,
-                wall_at=clock.wall_now(),
-                fleet_at=clock.now() + fleet_margin(clock, fleet_s=600.0, wall_s=30.0),
-                pause=partial(asyncio.sleep, _SETTLES_WITHIN_S),
-            )
-        for each in broken:
-            sys.stdout.write(json.dumps(each.as_json()) + "\n")
-        return 1 if broken else 0

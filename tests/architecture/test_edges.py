@@ -19,8 +19,8 @@ PACKAGES = (
 #: Which files may import a library, as a pattern of their path below the package's folder.
 ALLOWED = {
     "sqlalchemy": re.compile(
-        r"(.*/)?(\w+_)?store\.py|migrations/.*|(.*/)?(\w+_)?tables(\.py|/.*)|verify(_\w+)?(\.py|/.*)"
-        r"|runtime/(sql|outbox|verification|archive)/.*"
+        r"(.*/)?(\w+_)?store\.py|migrations/.*|(.*/)?(\w+_)?tables(\.py|/.*)"
+        r"|runtime/(sql|outbox|archive)/.*"
     ),
     "fastapi": re.compile(r"(.*/)?(\w+_)?routes\.py|app\.py|runtime/http/.*"),
     "starlette": re.compile(r"(.*/)?(\w+_)?routes\.py|app\.py|runtime/http/.*"),

@@ -32,8 +32,8 @@ from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.quarantine.set_aside import Quarantine
 from skyway_composition.tables import metadata, missions, outbox, pad_reservations
-from skyway_composition.verify.rules import RULES
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
+from skyway_verifier.composition.rules import RULES
 from sqlalchemy import delete, select
 
 from skyway.contracts.candidate import Candidate

@@ -27,7 +27,7 @@ from skyway_composition.planning.routes import StrategyRights
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.quarantine.set_aside import Quarantine
 from skyway_composition.tables import outbox
-from skyway_composition.verify.rules import RULES
+from skyway_verifier.composition.rules import RULES
 from sqlalchemy import select, text
 
 from skyway.contracts.candidate import Candidate

@@ -24,7 +24,7 @@ from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.parts import Parts
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import events
-from skyway_gateway.verify.rules import RULES
+from skyway_verifier.gateway.rules import RULES
 from sqlalchemy import select, text
 
 from skyway.contracts.delivery_event_forms import AnyDeliveryEvent

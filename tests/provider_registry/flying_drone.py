@@ -6,7 +6,7 @@ from datetime import timedelta
 from typing import Any
 
 from skyway_provider_registry.presence.follow import Recorder
-from skyway_provider_registry.verify import RULES
+from skyway_verifier.registry.rules import RULES
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.drone_report import DroneHealth, DroneState

@@ -1,15 +1,10 @@
 """The registry as a process, and the document of its routes."""
 
-import asyncio
-import json
-import sqlite3
 import subprocess
 import sys
 from pathlib import Path
 
-from skyway_provider_registry.app import PACKAGE, openapi_app
-
-from skyway.runtime.sql.migrations import migrate
+from skyway_provider_registry.app import openapi_app
 
 
 def test_the_openapi_document_opens_nothing() -> None:
@@ -31,25 +26,7 @@ def run(command: str, **environment: str) -> "subprocess.CompletedProcess[str]":
     )
 
 
-def test_migrate_and_verify_need_only_a_database(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path}/registry.db"
-
-    migrated = run("migrate", SKYWAY_DATABASE_URL=url)
-    verified = run("verify", SKYWAY_DATABASE_URL=url)
+def test_migrate_needs_only_a_database(tmp_path: Path) -> None:
+    migrated = run("migrate", SKYWAY_DATABASE_URL=f"sqlite:///{tmp_path}/registry.db")
 
     assert (migrated.returncode, migrated.stderr) == (0, "")
-    assert (verified.returncode, verified.stdout) == (0, "")
-
-
-def test_verify_prints_each_violation_as_a_line(tmp_path: Path) -> None:
-    path = tmp_path / "registry.db"
-    asyncio.run(migrate(f"sqlite:///{path}", PACKAGE))
-    with sqlite3.connect(path) as connection:
-        connection.execute("INSERT INTO broker_accounts VALUES ('drn_9', 'DRONE', '', NULL)")
-    connection.close()
-
-    verified = run("verify", SKYWAY_DATABASE_URL=f"sqlite:///{path}")
-
-    assert verified.returncode == 1
-    subjects = [json.loads(line)["subject"] for line in verified.stdout.splitlines()]
-    assert subjects == ["broker_accounts.password_hash of broker_accounts drn_9", "drn_9"]

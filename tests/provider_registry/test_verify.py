@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.tables import broker_accounts, drones, learned_values, presence
-from skyway_provider_registry.verify import RULES
+from skyway_verifier.registry.rules import RULES
 from sqlalchemy import Executable, delete, insert, update
 
 from skyway.broker_setup.passwords import hash_password

@@ -3,37 +3,20 @@
 import shutil
 import sqlite3
 from collections.abc import AsyncIterator, Iterator, Mapping
-from contextlib import AsyncExitStack, asynccontextmanager, closing, contextmanager
+from contextlib import AsyncExitStack, ExitStack, asynccontextmanager, closing, contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from typing import Final, Self
 
-from skyway_composition.verify.rules import FACTS as COMPOSITION_FACTS
-from skyway_composition.verify.rules import RULES as COMPOSITION_RULES
-from skyway_gateway.verify.facts import FACTS as GATEWAY_FACTS
-from skyway_gateway.verify.rules import RULES as GATEWAY_RULES
-from skyway_provider_registry.verify import FACTS as REGISTRY_FACTS
-from skyway_provider_registry.verify import RULES as REGISTRY_RULES
+from skyway_verifier.across.rules import ACROSS
+from skyway_verifier.check import check
+from skyway_verifier.rule import BrokenRule
+from skyway_verifier.verify import RULES, checked_as
 
-from skyway.cli.verify.drone_rules import RULES as ACROSS
-from skyway.cli.verify.looks import ServiceLook, broken_across
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
-from skyway.runtime.verification.check import check
-from skyway.runtime.verification.rule import BrokenRule
-from tests.broken_rules import surveyed_soon
-
-RULES: Final = {
-    "gateway": GATEWAY_RULES,
-    "composition": COMPOSITION_RULES,
-    "registry": REGISTRY_RULES,
-}
-FACTS: Final = {
-    "gateway": GATEWAY_FACTS,
-    "composition": COMPOSITION_FACTS,
-    "registry": REGISTRY_FACTS,
-}
+from tests.broken_rules import NO_PAUSE, surveyed_soon
 
 #: Statements that change no rows.
 _WITHOUT_ROWS: Final = ("CREATE", "DROP", "PRAGMA")
@@ -75,8 +58,6 @@ class StoppedSystem:
         self._fleet_at = clock.now() + timedelta(minutes=1) * clock.rate
         self._scratch = scratch
         self._open: dict[str, Database] = {}
-        self._sound: dict[str, ServiceLook] = {}
-        self._looks = 0
 
     @classmethod
     @asynccontextmanager
@@ -90,7 +71,6 @@ class StoppedSystem:
                 shutil.copy(databases / f"{service}.db", scratch)
                 db = await stack.enter_async_context(Database(system.urls[service]))
                 system._open[service] = db
-                system._sound[service] = await system._look(service)
             yield system
 
     @property
@@ -100,18 +80,19 @@ class StoppedSystem:
 
     async def broken(self, corruption: Corruption) -> list[BrokenRule]:
         """The rules that are broken after a corruption, which is undone."""
-        looks = dict(self._sound)
-        for service, script in corruption.scripts.items():
-            with self.damaged(service, script):
-                looks[service] = await self._look(service)
-        own = [each for look in looks.values() for each in look.broken]
-        return own + broken_across(ACROSS, looks, looks)
+        with ExitStack() as damages:
+            for service, script in corruption.scripts.items():
+                damages.enter_context(self.damaged(service, script))
+            return await self.looked_at_again()
 
     async def looked_at_again(self) -> list[BrokenRule]:
         """The rules that are broken in the copies as they are now."""
-        looks = {service: await self._look(service) for service in RULES}
-        own = [each for look in looks.values() for each in look.broken]
-        return own + broken_across(ACROSS, looks, looks)
+        databases = {name: checked_as(name, surveyed_soon(db)) for name, db in self._open.items()}
+        found = await check(
+            databases, ACROSS, wall_at=self._wall_at, fleet_at=self._fleet_at, pauses_s=NO_PAUSE
+        )
+        assert not found.errors
+        return [each for broken in found.broken.values() for each in broken]
 
     @contextmanager
     def damaged(self, service: str, script: str) -> Iterator[None]:
@@ -126,21 +107,3 @@ class StoppedSystem:
             yield
             with closing(sqlite3.connect(self._databases / f"{service}.db")) as sound:
                 sound.backup(copy)
-
-    async def _look(self, service: str) -> ServiceLook:
-        self._looks += 1
-        folder = self._scratch / f"facts-{self._looks}"
-        broken = await check(
-            surveyed_soon(self._open[service]),
-            RULES[service],
-            FACTS[service],
-            folder=folder,
-            wall_at=self._wall_at,
-            fleet_at=self._fleet_at,
-            pause=_no_pause,
-        )
-        return ServiceLook(service, tuple(broken), folder)
-
-
-async def _no_pause() -> None:
-    """The system stands still."""

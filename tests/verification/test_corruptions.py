@@ -3,13 +3,14 @@
 import asyncio
 
 import pytest
+from skyway_verifier.across.rules import ACROSS
+from skyway_verifier.verify import RULES
 
-from skyway.cli.verify.drone_rules import RULES as ACROSS
 from tests.end_to_end.verified import broken_rules
 from tests.verification.access_corruptions import ACCESS_CORRUPTIONS
 from tests.verification.calendar_corruptions import CALENDAR_CORRUPTIONS
 from tests.verification.composition_corruptions import COMPOSITION_CORRUPTIONS
-from tests.verification.damaged_copies import RULES, Corruption, StoppedSystem
+from tests.verification.damaged_copies import Corruption, StoppedSystem
 from tests.verification.gateway_corruptions import GATEWAY_CORRUPTIONS
 from tests.verification.mission_corruptions import MISSION_CORRUPTIONS
 from tests.verification.newer_corruptions import NEWER_CORRUPTIONS
@@ -85,7 +86,8 @@ def test_a_corruption_is_undone_before_the_next(
 def test_each_rule_names_a_corruption() -> None:
     """A rule that nothing can break checks nothing."""
     named = {corruption.rule for corruption in CORRUPTIONS}
-    rules = {rule.name for every in (*RULES.values(), ACROSS) for rule in every}
+    rules = {rule.name for every in RULES.values() for rule in every}
+    rules |= {rule.name for rule in ACROSS}
 
     assert named == rules
 

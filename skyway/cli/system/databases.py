@@ -14,9 +14,7 @@ _WRONG_SETTINGS = ("28", "3D", "42")
 
 
 async def database_urls(folder: DataFolder, cells: Sequence[str] = ()) -> dict[str, str]:
-    """The database URL of each service and cell; missing PostgreSQL databases are created.
-
-    `SKYWAY_DATABASE_URL` names the server, and the database to connect to for that.
+    """As `named_databases`; missing PostgreSQL databases are created.
 
     Raises
     ------
@@ -24,6 +22,23 @@ async def database_urls(folder: DataFolder, cells: Sequence[str] = ()) -> dict[s
         The server does not answer now.
     SkywayError
         The server refuses the role, or the URL is wrong.
+    """
+    urls = named_databases(folder, cells)
+    if (server := os.environ.get("SKYWAY_DATABASE_URL")) is not None:
+        names = [urlsplit(url).path.lstrip("/") for url in urls.values()]
+        await _create_missing(urlsplit(server), names)
+    return urls
+
+
+def named_databases(folder: DataFolder, cells: Sequence[str] = ()) -> dict[str, str]:
+    """The database URL of each service and cell.
+
+    `SKYWAY_DATABASE_URL` names a PostgreSQL server, and the database to make others from.
+
+    Raises
+    ------
+    SkywayError
+        The URL is not one of PostgreSQL.
     """
     server = os.environ.get("SKYWAY_DATABASE_URL")
     every = (*CLOUD_SERVICES, *cells)
@@ -35,7 +50,6 @@ async def database_urls(folder: DataFolder, cells: Sequence[str] = ()) -> dict[s
             f"SKYWAY_DATABASE_URL begins with {parts.scheme}://; it must begin with postgresql://"
         )
     names = {service: f"skyway_{service.replace('-', '_')}" for service in every}
-    await _create_missing(parts, list(names.values()))
     return {service: _with_database(parts, name) for service, name in names.items()}
 
 

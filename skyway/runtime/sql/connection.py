@@ -1,7 +1,7 @@
 """The connection of a read or write block, and the types of rows and parameters."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import AsyncIterator, Mapping, Sequence
+from typing import Any, Final
 
 from sqlalchemy import Executable, Row
 from sqlalchemy.engine import CursorResult
@@ -12,6 +12,18 @@ AnyRow = Row[*tuple[Any, ...]]
 
 #: Values by the name of a parameter or a column. Any: a column takes values of every type.
 Values = Mapping[str, Any]
+
+#: Rows in memory at a time, of queries with many rows.
+_ROWS_AT_A_TIME: Final = 500
+
+
+async def each_row(connection: AsyncConnection, query: Executable) -> AsyncIterator[AnyRow]:
+    """The rows of a query one by one, for queries with more rows than fit into memory."""
+    async with connection.stream(query) as found:
+        # Row by row, the hop from the event loop to the driver takes longer than the row.
+        async for rows in found.partitions(_ROWS_AT_A_TIME):
+            for row in rows:
+                yield row
 
 
 class BlockConnection(AsyncConnection):

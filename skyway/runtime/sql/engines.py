@@ -10,6 +10,7 @@ import sqlite3
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, Literal, cast
+from urllib.parse import quote
 
 import aiosqlite
 import asyncpg
@@ -84,6 +85,13 @@ def sqlite_engine(url: URL, **driver: Any) -> AsyncEngine:
 
     Any: more options of the driver; each has a type of its own.
     """
+    engine = _sqlite_engine(url, **driver)
+    event.listen(engine.sync_engine, "connect", _make_durable)
+    return engine
+
+
+def _sqlite_engine(url: URL, **driver: Any) -> AsyncEngine:
+    """Any: more options of the driver; each has a type of its own."""
     engine = create_async_engine(
         url.set(drivername="sqlite+aiosqlite"),
         hide_parameters=True,  # in the text of errors: some parameters are addresses
@@ -98,7 +106,6 @@ def sqlite_engine(url: URL, **driver: Any) -> AsyncEngine:
         pool_size=4,
         max_overflow=12,
     )
-    event.listen(engine.sync_engine, "connect", _make_durable)
     event.listen(engine.sync_engine, "handle_error", _outlive_cancellation)
     return engine
 
@@ -108,7 +115,21 @@ def sqlite_reader_engine(url: URL, **driver: Any) -> AsyncEngine:
 
     Any: more options of the driver; each has a type of its own.
     """
-    engine = sqlite_engine(url, **driver)
+    return _made_reader(sqlite_engine(url, **driver))
+
+
+def sqlite_file_reader_engine(url: URL) -> AsyncEngine:
+    """The same for the file of another process: this one neither makes the file nor changes it."""
+    engine = _sqlite_engine(url, async_creator_fn=_connect_read_only)
+    event.listen(engine.sync_engine, "connect", _read_schema)
+    return _made_reader(engine)
+
+
+def _connect_read_only(database: str, **options: Any) -> PromptConnection:
+    return connect(f"file:{quote(database)}?mode=ro", uri=True, **options)
+
+
+def _made_reader(engine: AsyncEngine) -> AsyncEngine:
     event.listen(engine.sync_engine, "connect", _make_read_only)
     event.listen(engine.sync_engine, "begin", _begin_deferred)
     return engine
@@ -244,6 +265,13 @@ def _make_read_only(connection: DBAPIConnection, _record: Any) -> None:
     """Any: the pool's record of the connection, which is not used."""
     cursor = connection.cursor()
     cursor.execute("PRAGMA query_only = ON")
+    cursor.close()
+
+
+def _read_schema(connection: DBAPIConnection, _record: Any) -> None:
+    """Find out whether the file is a database. Any: the pool's record, which is not used."""
+    cursor = connection.cursor()
+    cursor.execute("SELECT count(*) FROM sqlite_master")
     cursor.close()
 
 

@@ -67,7 +67,7 @@ class SqliteStorage:
     @asynccontextmanager
     async def read(self) -> AsyncIterator[AsyncConnection]:
         """A connection to read from. All reads of a block see the data of one moment."""
-        async with _connect(AsyncConnection(self._readers)) as connection:
+        async with connected(AsyncConnection(self._readers)) as connection:
             yield connection
         # Nothing above waits, and a loop that only reads must still let other tasks run.
         await asyncio.sleep(0)
@@ -79,7 +79,7 @@ class SqliteStorage:
 
     def survey(self) -> AbstractAsyncContextManager[AsyncConnection]:
         """The same. The event loop goes on while a statement runs."""
-        return _connect(AsyncConnection(self._surveys))
+        return connected(AsyncConnection(self._surveys))
 
     @asynccontextmanager
     async def write(self) -> AsyncIterator[BlockConnection]:
@@ -110,12 +110,12 @@ class PostgresqlStorage:
 
     def read(self) -> AbstractAsyncContextManager[AsyncConnection]:
         """A connection to read from. Each statement sees the data of its own moment."""
-        return _connect(AsyncConnection(self._readers))
+        return connected(AsyncConnection(self._readers))
 
     @asynccontextmanager
     async def survey(self) -> AsyncIterator[AsyncConnection]:
         """A connection to read from. All statements see the data of one moment."""
-        async with _connect(AsyncConnection(self._readers)) as connection:
+        async with connected(AsyncConnection(self._readers)) as connection:
             await connection.execution_options(isolation_level="REPEATABLE READ")
             yield connection
 
@@ -123,7 +123,7 @@ class PostgresqlStorage:
     async def write(self) -> AsyncIterator[BlockConnection]:
         """A connection in a transaction of its own, which begins with the first statement."""
         block = self._block(self._writers)
-        async with _connect(block, trouble_of_writing):
+        async with connected(block, trouble_of_writing):
             yield block
             await block.commit_block()
 
@@ -158,7 +158,7 @@ ConnectionT = TypeVar("ConnectionT", bound=AsyncConnection)
 
 
 @asynccontextmanager
-async def _connect(
+async def connected(
     connection: ConnectionT, trouble_of: NameTrouble = trouble_of_reading
 ) -> AsyncIterator[ConnectionT]:
     """Take the connection from the pool of its engine. An error rolls its transaction back.

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
 
-from skyway_gateway.verify.rules import RULES
+from skyway_verifier.gateway.rules import RULES
 
 from skyway.delivery.offer import Price
 from tests.broken_rules import broken_rules

@@ -1,32 +1,19 @@
 import json
 import sqlite3
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from sqlalchemy import BigInteger, Column, MetaData, Table, literal, select, true
+from sqlalchemy import BigInteger, Column, MetaData, Table, true
 
 from skyway.runtime.archive.archived_table import ArchivedTable
 from skyway.runtime.errors import ExitCode
-from skyway.runtime.service_process import ServiceProcess, StoredData
+from skyway.runtime.service_process import ServiceProcess
 from skyway.runtime.settings import ServiceSettings
-from skyway.runtime.verification.rule import Rule
 
 
-def make_process(rules: Sequence[Rule] = ()) -> ServiceProcess[ServiceSettings]:
-    return ServiceProcess(
-        "tower", "skyway_tower", ServiceSettings, lambda _settings: 0, lambda: StoredData(rules, {})
-    )
-
-
-def broken_rule(name: str, *subjects: str) -> Rule:
-    """A rule that these subjects break."""
-
-    async def find(_survey: object) -> Sequence[str]:
-        return subjects
-
-    return Rule(name, find, "Look at it.")
+def make_process() -> ServiceProcess[ServiceSettings]:
+    return ServiceProcess("tower", "skyway_tower", ServiceSettings, lambda _settings: 0, tuple)
 
 
 @pytest.fixture
@@ -34,33 +21,7 @@ def a_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SKYWAY_DATABASE_URL", f"sqlite:///{tmp_path}/tower.db")
 
 
-@pytest.mark.usefixtures("a_database")
-def test_verify_prints_a_line_per_violation_and_exits_1(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    by_query = Rule("I2", select(literal("d")), "Look at it.")
-    process = make_process([broken_rule("I1", "s1/0"), by_query])
-
-    code = process.run(["verify"])
-
-    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert (code, lines) == (
-        1,
-        [
-            {"rule": "I1", "subject": "s1/0", "advice": "Look at it."},
-            {"rule": "I2", "subject": "d", "advice": "Look at it."},
-        ],
-    )
-
-
-@pytest.mark.usefixtures("a_database")
-def test_verify_finds_nothing_and_exits_0(capsys: pytest.CaptureFixture[str]) -> None:
-    code = make_process([broken_rule("I1")]).run(["verify"])
-
-    assert (code, capsys.readouterr().out) == (0, "")
-
-
-@pytest.mark.parametrize("command", ["serve", "migrate", "verify", "archive"])
+@pytest.mark.parametrize("command", ["serve", "migrate", "archive"])
 def test_a_missing_setting_is_named(
     command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -80,7 +41,7 @@ def test_a_damaged_database_and_one_that_is_away_have_codes_of_their_own(
 
     for url in (f"sqlite:///{tmp_path}/damaged.db", f"sqlite:///{tmp_path}/nowhere/tower.db"):
         monkeypatch.setenv("SKYWAY_DATABASE_URL", url)
-        codes[Path(url).stem] = make_process().run(["verify"])
+        codes[Path(url).stem] = make_process().run(["migrate"])
 
     assert codes == {"damaged": ExitCode.BAD_DATABASE, "tower": ExitCode.NOT_NOW}
     assert "it is damaged: file is not a database" in capsys.readouterr().err
@@ -96,7 +57,7 @@ def test_archive_prints_a_line_for_each_file(
         database.executemany("INSERT INTO flights VALUES (?)", [(1,), (2,), (86_400_000,)])
     database.close()
     archived = ArchivedTable(flights, flights.c.at_ms, flights, true())
-    process = replace(make_process(), data=lambda: StoredData([], {}, [archived]))
+    process = replace(make_process(), archived=lambda: [archived])
 
     code = process.run(["archive", "--folder", str(tmp_path / "archive")])
 

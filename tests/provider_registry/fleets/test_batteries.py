@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from skyway_provider_registry.fleets.battery import MOST_INSTALLATIONS
 from skyway_provider_registry.presence import jump_store
-from skyway_provider_registry.verify import RULES
+from skyway_verifier.registry.rules import RULES
 
 from skyway.contracts.drone_report import DroneState
 from skyway.drone.learned_values import AS_MODELLED

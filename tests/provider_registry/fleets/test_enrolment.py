@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_provider_registry.verify import RULES
+from skyway_verifier.registry.rules import RULES
 
 from skyway.broker_setup.passwords import matches
 from skyway.runtime.clock import ManualClock

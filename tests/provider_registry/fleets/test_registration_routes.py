@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_provider_registry.verify import RULES
+from skyway_verifier.registry.rules import RULES
 
 from skyway.broker_setup.passwords import matches, read_password_file
 from tests.broken_rules import broken_rules

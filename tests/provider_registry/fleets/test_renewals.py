@@ -9,7 +9,7 @@ import pytest
 from skyway_provider_registry.fleets import announce_renewals
 from skyway_provider_registry.fleets.announce_renewals import RenewalAnnouncer
 from skyway_provider_registry.presence.follow import Recorder
-from skyway_provider_registry.verify import RULES
+from skyway_verifier.registry.rules import RULES
 
 from skyway.contracts.drones import Renewals
 from skyway.contracts.topics import CONNECTION, STATE

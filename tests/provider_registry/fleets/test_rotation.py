@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.tables import presence
-from skyway_provider_registry.verify import RULES
+from skyway_verifier.registry.rules import RULES
 from sqlalchemy import update
 
 from skyway.broker_setup.certificates import CLIENT_LIFE

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_provider_registry.verify import RULES
+from skyway_verifier.registry.rules import RULES
 
 from tests.broken_rules import broken_rules
 from tests.provider_registry.broker_accounts import accounts_in

@@ -5,7 +5,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_provider_registry.verify import RULES
+from skyway_verifier.registry.rules import RULES
 from sqlalchemy import text
 
 from skyway.runtime.clock import ManualClock

@@ -8,7 +8,7 @@ import pytest
 from skyway_provider_registry.presence import jump_store
 from skyway_provider_registry.presence.announce_alarms import AlarmAnnouncer
 from skyway_provider_registry.presence.follow import Recorder
-from skyway_provider_registry.verify import RULES
+from skyway_verifier.registry.rules import RULES
 
 from skyway.contracts.drones import DRONE_ALARMS
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY

@@ -19,7 +19,7 @@ from skyway_composition.missions.mission.share_views import mission_of, missions
 from skyway_composition.missions.tracking import track_of
 from skyway_composition.retention.forget_store import delete_deliveries, needed_among
 from skyway_composition.tables import custody, deliveries, guests, missions, outbox
-from skyway_composition.verify.rules import RULES
+from skyway_verifier.composition.rules import RULES
 from sqlalchemy import delete, select
 
 from skyway.contracts.margins import RiskMargin

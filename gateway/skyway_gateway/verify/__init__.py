@@ -1,6 +1,0 @@
-"""Verification: what must always hold in the gateway's database (docs/reference/invariants.md).
-
-`rules` lists all rules. Each file has the rules of one subject: `deliveries` with their missions,
-accepted `offers`, `packages` with the custody of each, `events` with the notifications of webhooks,
-and `calls`: keys, the audit log and stored answers. `facts` are compared with other services.
-"""

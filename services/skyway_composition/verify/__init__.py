@@ -1,7 +1,0 @@
-"""Verification: what must always hold in composition's database (docs/reference/invariants.md).
-
-`rules` lists all rules, and the facts that are compared with other services. Each other file has
-the rules of one subject: `missions` and the reports about them, their `steps`, drones' `calendars`,
-the `custody` of packages, `pads` and held offers, `networks` and their closures, and the `links` to
-drones. `evidence` reads what several rules need.
-"""

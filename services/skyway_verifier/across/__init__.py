@@ -1,0 +1,1 @@
+"""What must always hold between two databases: `rules` lists all rules across services."""
