@@ -72,6 +72,9 @@ _RATE = 60.0
 #: Composition checks all missions at least this often.
 _LONGEST_STRIDE = timedelta(minutes=8)
 
+#: While a story ends undisturbed and no mission waits to be sent, this often is enough.
+_LAST_STRIDE = timedelta(minutes=30)
+
 #: Instructions to a connected drone arrive within this time.
 _DROPS_FOR = timedelta(minutes=1)
 
@@ -172,8 +175,8 @@ class BusyWorld:
 
     # Time and messages
 
-    async def pass_time(self, by: timedelta) -> None:
-        """Let time pass, from one event to the next."""
+    async def pass_time(self, by: timedelta, *, stride: timedelta = _LONGEST_STRIDE) -> None:
+        """Let time pass, from one event to the next, but at most by `stride` at once."""
         until = self.clock.now() + by
         looked_at = self.clock.now()
         while (now := self.clock.now()) < until:
@@ -182,9 +185,9 @@ class BusyWorld:
             moments = [each for each in ahead if each is not None and each > now]
             drops_instructions = any(each.drops_instructions for each in self.drones)
             may_fail = any(each.may_fail_any_time for each in self.drones)
-            calm_stride = _DROPS_FOR if drops_instructions else _LONGEST_STRIDE
-            stride = self.flight_stride if may_fail else calm_stride
-            self.clock.advance(min([until, now + stride, *moments]) - now)
+            calm_stride = _DROPS_FOR if drops_instructions else stride
+            soon = now + (self.flight_stride if may_fail else calm_stride)
+            self.clock.advance(min([until, soon, *moments]) - now)
             if may_fail and await self._is_calm(since=looked_at):
                 continue
             looked_at = self.clock.now()
@@ -410,7 +413,9 @@ class BusyWorld:
                     # The drone cannot know what it did; people have looked at it.
                     await self.command(record.mission_id, "GIVE_UP", None)
             await self.fetch_all()
-            await self.pass_time(timedelta(minutes=30))
+            is_sent = all(record.is_live for record in records)
+            stride = _LAST_STRIDE if is_sent else _LONGEST_STRIDE
+            await self.pass_time(_LAST_STRIDE, stride=stride)
             if self.clock.now() - checked_at >= _CHECKED_EVERY:
                 await self.check()
                 checked_at = self.clock.now()
