@@ -3,6 +3,7 @@
 import asyncio
 import copy
 import gc
+import importlib
 import json
 import os
 import pwd
@@ -12,7 +13,7 @@ import signal
 import subprocess
 import tempfile
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -34,6 +35,8 @@ _DATA = Path(__file__).parent / "data"
 _DIALECTS = ("sqlite", pytest.param("postgresql", marks=pytest.mark.integration))
 #: The fixtures that make a database.
 _DATABASES = {"database_url", "migrated_url", "sqlite_url"}
+#: How many workers run tests; set by xdist.
+_COUNT = "PYTEST_XDIST_WORKER_COUNT"
 _BINARIES = ("initdb", "pg_ctl", "postgres")
 #: A shell script that waits until its input closes, then stops the cluster and removes its folder.
 _REAP = 'cat; "$1" -D "$2" -w -m immediate stop; rm -rf "$3"'
@@ -71,6 +74,29 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGHUP, lambda *_: None)
     if (memory := _memory()) is not None:
         tempfile.tempdir = str(memory)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session: pytest.Session) -> Iterator[None]:
+    """Import the test files, each worker beginning with others.
+
+    Rewriting the assertions of a file takes longer than importing the file, and pytest keeps the
+    result beside it. In a new clone all workers would rewrite all files at the same time.
+    """
+    worker, workers = os.environ.get("PYTEST_XDIST_WORKER"), os.environ.get(_COUNT)
+    if worker is not None and workers is not None and session.config.args == ["tests"]:
+        files = sorted((_DATA.parent).rglob("test_*.py"))
+        first = len(files) * int(worker.removeprefix("gw")) // int(workers)
+        for file in files[first:] + files[:first]:
+            _import_test(file)
+    yield
+
+
+def _import_test(file: Path) -> None:
+    """Import a test file under the name that pytest gives it. Collecting reports what it raises."""
+    name = ".".join(file.relative_to(_DATA.parents[1]).with_suffix("").parts)
+    with suppress(Exception, pytest.skip.Exception):
+        importlib.import_module(name)
 
 
 def pytest_collection_finish() -> None:

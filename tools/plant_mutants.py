@@ -90,6 +90,7 @@ def planted(mutant: Mutant) -> Iterator[None]:
 def run(tests: Sequence[str]) -> tuple[int | None, str]:
     """The exit code of pytest and what it printed; without a code, it did not end in time."""
     command = [sys.executable, "-m", "pytest", "-q", "-x", "--tb=no", "-p", "no:cacheprovider"]
+    command += ["-m", "not long"]  # what `make test` runs
     # Compiled files of a mutant must not outlive it.
     variables = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
     child = subprocess.Popen(

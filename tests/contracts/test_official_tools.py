@@ -15,10 +15,13 @@ HERE = Path(__file__).parent
 TOOLS = ROOT / ".node_tools" / "node_modules"
 OPENAPI = ("gateway", "provider-registry", "composition")
 
-pytestmark = pytest.mark.skipif(
-    shutil.which("node") is None or not TOOLS.is_dir(),
-    reason="node or .node_tools is missing: see .ci/run",
-)
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(
+        shutil.which("node") is None or not TOOLS.is_dir(),
+        reason="node or .node_tools is missing: see .ci/run",
+    ),
+]
 
 
 def test_spectral_finds_nothing_in_the_openapi_documents() -> None:

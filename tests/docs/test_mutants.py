@@ -4,24 +4,41 @@ import ast
 from functools import cache
 from pathlib import Path
 
-import pytest
-
-from tools.plant_mutants import Mutant, mutants, page
+from tools.plant_mutants import mutants, page
 
 ROOT = Path(__file__).parents[2]
 MUTANTS = mutants()
 LONG = "pytest.mark.long"
-each_mutant = pytest.mark.parametrize("mutant", MUTANTS, ids=range(1, len(MUTANTS) + 1))
 
 
 @cache
-def names_of_tests(path: Path) -> set[str]:
-    """The names of the test functions of a file that `make test` runs: those not marked `long`."""
+def names_of_tests(path: Path) -> frozenset[str]:
+    """The names of the test functions of a file that `make test` runs whole.
+
+    Not those marked `long`, and not those of which a case is marked `long`.
+    """
     nodes = ast.parse(path.read_text()).body
-    if any(isinstance(node, ast.Assign) and LONG in ast.unparse(node) for node in nodes):
-        return set()
-    functions = [node for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
-    return {each.name for each in functions if LONG not in map(ast.unparse, each.decorator_list)}
+    assigned = {
+        ast.unparse(target): ast.unparse(node.value)
+        for node in nodes
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+    }
+    if LONG in assigned.get("pytestmark", ""):
+        return frozenset()
+    long_names = {name for name, value in assigned.items() if LONG in value}
+    return frozenset(
+        node.name
+        for node in nodes
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and not any(_is_long(each, long_names) for each in node.decorator_list)
+    )
+
+
+def _is_long(decorator: ast.expr, long_names: set[str]) -> bool:
+    """Whether a decorator marks a test or one of its cases `long`, here or by an assigned name."""
+    names = {node.id for node in ast.walk(decorator) if isinstance(node, ast.Name)}
+    return LONG in ast.unparse(decorator) or not names.isdisjoint(long_names)
 
 
 def test_the_tool_writes_the_same_page() -> None:
@@ -36,16 +53,41 @@ def test_no_mutant_is_listed_twice() -> None:
     assert len(planted) == len(set(planted))
 
 
-@each_mutant
-def test_the_text_that_a_mutant_replaces_is_in_its_file_once(mutant: Mutant) -> None:
-    text = (ROOT / mutant.file).read_text()
+def test_the_text_that_a_mutant_replaces_is_in_its_file_once() -> None:
+    counts = {each: (ROOT / each.file).read_text().count(each.old) for each in MUTANTS}
 
-    assert text.count(mutant.old) == 1
-    assert mutant.new != mutant.old
+    assert {each.change: count for each, count in counts.items() if count != 1} == {}
+    assert [each.change for each in MUTANTS if each.new == each.old] == []
 
 
-@each_mutant
-def test_make_test_runs_the_test_that_catches_a_mutant(mutant: Mutant) -> None:
-    path, _, name = mutant.test.partition("::")
+def test_make_test_runs_the_test_that_catches_a_mutant() -> None:
+    named = {each.change: each.test.partition("::") for each in MUTANTS}
 
-    assert name in names_of_tests(ROOT / path)
+    assert {
+        change: name
+        for change, (path, _, name) in named.items()
+        if name not in names_of_tests(ROOT / path)
+    } == {}
+
+
+def test_a_test_with_a_long_case_is_not_what_make_test_runs_whole(tmp_path: Path) -> None:
+    file = tmp_path / "test_made.py"
+    file.write_text(
+        """
+SOME = [1, pytest.param(2, marks=pytest.mark.long)]
+
+@pytest.mark.parametrize("n", [1, pytest.param(2, marks=pytest.mark.long)])
+def test_with_a_long_case(n): ...
+
+@pytest.mark.parametrize("n", SOME)
+def test_with_a_long_case_by_name(n): ...
+
+@pytest.mark.long
+def test_long(): ...
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_short(n): ...
+"""
+    )
+
+    assert names_of_tests(file) == {"test_short"}

@@ -28,13 +28,13 @@ def test_a_quick_run_of_all_parts_takes_at_most_90_s_of_processor_time():
 
 
 def test_one_part_alone_writes_its_page_figures_and_rows(tmp_path):
-    arguments = ["experiment", "--quick", "--only", "congestion", "--out", str(tmp_path)]
+    arguments = ["experiment", "--quick", "--only", "recharging", "--out", str(tmp_path)]
 
     result = CliRunner().invoke(make_app(), arguments)
 
     assert result.exit_code == 0
-    assert f"congestion: about {QUICK_S['congestion']} s on one core" in result.stderr
-    assert "delivery time, 0 to 95% taken" in result.stdout.replace("\n", " ") or result.stdout
+    assert f"recharging: about {QUICK_S['recharging']} s on one core" in result.stderr
+    assert "saved by partial" in result.stdout
     written = {path.name for path in (tmp_path / "experiments").iterdir()}
-    assert {"congestion.csv", "congestion.md", "congestion-time.png"} <= written
+    assert {"recharging.csv", "recharging.md", "recharging.png"} <= written
     assert "# Experiments" in (tmp_path / "experiments.md").read_text(encoding="utf-8")

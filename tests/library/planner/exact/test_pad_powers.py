@@ -32,7 +32,9 @@ _MOST_LABELS = 5_000
 _MORE_LABELS = dict.fromkeys((18, 143, 145), 20_000)
 
 
-@pytest.mark.parametrize("first", range(0, 150, _BLOCK))
+@pytest.mark.parametrize(
+    "first", [0, *(pytest.param(n, marks=pytest.mark.long) for n in (50, 100))]
+)
 def test_no_plan_is_later_than_the_grids_or_earlier_than_possible(first: int) -> None:
     faults = {}
     for seed in range(first, first + _BLOCK):
