@@ -18,7 +18,12 @@ from skyway_drone_agent.analysis.flight_estimates import (
     Velocity,
     WindEstimate,
 )
-from skyway_drone_agent.analysis.landings import NO_LANDINGS, LandingSource, RememberedLandings
+from skyway_drone_agent.analysis.landings import (
+    NO_LANDINGS,
+    Landing,
+    LandingSource,
+    RememberedLandings,
+)
 from skyway_drone_agent.analysis.leg import Leg, LegCache, leg_of, off_course_m
 from skyway_drone_agent.analysis.reach import EnergyToLand, LandingInReach, NextLanding, Reach
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
@@ -45,9 +50,9 @@ _Doing = tuple[object, ...]
 class Assessment:
     """The state of the drone at a moment of fleet time; the terms are those of `DroneHealth`.
 
-    `landing` is the end of the released flights, None on the ground. `landings_in_reach` are
-    nearest first. `off_course_m` is the distance from the leg, 0 on the ground. `reach` answers
-    questions about other flights.
+    `landing` is the end of the released flights, None on the ground. `off_course_m` is the distance
+    from the leg, 0 on the ground. `reach` answers questions about other flights: what few looks
+    need is computed when it is asked for.
     """
 
     at: datetime
@@ -60,14 +65,13 @@ class Assessment:
     temperature_c: float
     cell_spread_v: float
     state_of_health: float
-    consumption_factor: float
     still_air_factor: float | None
     charge_rate_factor: float | None
     wind_mps: Velocity | None
     velocity_mps: Velocity
-    range_m: float
     landing: NextLanding | None
-    landings_in_reach: tuple[LandingInReach, ...]
+    landings: tuple[Landing, ...]
+    legs_ahead: tuple[Leg, ...]
     off_course_m: float
     has_gps: bool
     motors_work: bool
@@ -79,6 +83,23 @@ class Assessment:
     def speed_mps(self) -> float:
         """Over ground."""
         return math.hypot(*self.velocity_mps)
+
+    @property
+    def consumption_factor(self) -> float:
+        """The energy of the flights ahead by the model's energy."""
+        return self.reach.factor_over(self.legs_ahead)
+
+    @property
+    def range_m(self) -> float:
+        """The range above the reserve."""
+        return self.reach.range_m(self.load_kg)
+
+    @property
+    def landings_in_reach(self) -> tuple[LandingInReach, ...]:
+        """The landings that the drone can reach from here, nearest first."""
+        return self.reach.landings_in_reach(
+            self.landings, position=self.position, load_kg=self.load_kg
+        )
 
     @property
     def safe_landings(self) -> tuple[LandingInReach, ...]:
@@ -173,9 +194,6 @@ class Analysis:
         reach: Reach,
         wind_mps: Velocity | None,
     ) -> Assessment:
-        ahead = self._legs.ahead(logbook)
-        landing = self._next_landing(reading, logbook, leg, reach=reach)
-        load_kg = logbook.load_kg
         return Assessment(
             at=reading.at,
             position=reading.position,
@@ -187,23 +205,18 @@ class Analysis:
             temperature_c=reading.temperature_c,
             cell_spread_v=self._health.cell_spread_v,
             state_of_health=reach.state_of_health,
-            consumption_factor=reach.factor_over(ahead),
             still_air_factor=self._energy.measured,
             charge_rate_factor=self._charge_rate.factor,
             wind_mps=wind_mps,
             velocity_mps=reading.ground_mps,
-            range_m=reach.range_m(load_kg),
-            landing=landing,
-            landings_in_reach=reach.landings_in_reach(
-                self._landings.after(logbook, leg.step if leg else None),
-                position=reading.position,
-                load_kg=load_kg,
-            ),
+            landing=self._next_landing(reading, logbook, leg, reach=reach),
+            landings=self._landings.after(logbook, leg.step if leg else None),
+            legs_ahead=self._legs.ahead(logbook),
             off_course_m=off_course_m(leg, reading.position) if leg else 0.0,
             has_gps=reading.has_gps,
             motors_work=reading.motors_work,
             pad_is_free=reading.pad_is_free,
-            load_kg=load_kg if reading.load_kg is None else reading.load_kg,
+            load_kg=logbook.load_kg if reading.load_kg is None else reading.load_kg,
             reach=reach,
         )
 
