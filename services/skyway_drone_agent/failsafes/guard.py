@@ -5,6 +5,7 @@ in the journal first, and the pilot does what the logbook says. So after a crash
 escape the drone continues the escape and does nothing twice.
 """
 
+from collections.abc import Callable
 from datetime import datetime, timedelta
 from typing import Final, Never
 
@@ -54,7 +55,10 @@ _MONITORED_FAULTS: Final = frozenset({Fault.LINK_LOST, Fault.CLOUD_SILENT})
 
 
 class Guard:
-    """Guards one drone; `faults` are from the last look, the most dangerous first."""
+    """Guards one drone; `faults` are from the last look, the most dangerous first.
+
+    `on_look` gets each assessment: the guard's looks are the only rhythm in which sensors are read.
+    """
 
     def __init__(
         self,
@@ -67,9 +71,11 @@ class Guard:
         link: LinkMonitor,
         cloud: CloudMonitor,
         heartbeat: Heartbeat,
+        on_look: Callable[[Assessment], None],
     ) -> None:
         self._recorder = recorder
         self._clock = clock
+        self._on_look = on_look
         self._lookout = lookout
         self._events = events
         self._link = link
@@ -108,6 +114,7 @@ class Guard:
         if self._recorder.is_full:
             self._recorder.make_room()
         assessment = self._lookout.look()
+        self._on_look(assessment)
         self._keep_health(assessment.state_of_health)
         situation = situation_of(self._recorder.logbook)
         was_grounded = self.takes_off_since is None
