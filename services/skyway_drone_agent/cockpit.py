@@ -63,7 +63,7 @@ class Cockpit:
         state = StateSender(
             uplink, recorder, lookout, clock, acks=acks, events=events, heartbeat=heartbeat
         )
-        telemetry = TelemetrySender(uplink, recorder, clock)
+        telemetry = TelemetrySender(uplink, clock)
         guard = Guard(
             recorder,
             vehicle,

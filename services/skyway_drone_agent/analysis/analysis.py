@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Final
 
 from skyway.contracts.flight_step import FlyStep
@@ -37,10 +37,6 @@ _CALM_MPS: Final = (0.0, 0.0)
 
 #: Looks within this time share a reading: seconds of fleet time, or of wall time if longer.
 _MOMENT_FLEET_S, _MOMENT_WALL_S = 0.2, 0.05
-
-#: The newest assessment counts as fresh for this time: seconds of fleet time, or of wall time if
-#: that is longer. So data for the cloud is never older, in any rhythm of guard and sender.
-_FRESH_FLEET_S, _FRESH_WALL_S = 0.4, 0.1
 
 #: The parts of a logbook that a reading and its analysis use.
 _Doing = tuple[object, ...]
@@ -252,33 +248,25 @@ class Lookout:
         self._doing: _Doing = ()
 
     def look(self) -> Assessment:
-        """Read the sensors now, unless they were read at this moment."""
+        """Read the sensors now, unless they were read at this moment for what the drone does."""
         moment = fleet_margin(self._clock, fleet_s=_MOMENT_FLEET_S, wall_s=_MOMENT_WALL_S)
-        return self._not_older_than(moment)
-
-    def newest(self) -> Assessment:
-        """The last assessment, or a new one if it is old or the drone changed what it does."""
-        fresh = fleet_margin(self._clock, fleet_s=_FRESH_FLEET_S, wall_s=_FRESH_WALL_S)
-        return self._not_older_than(fresh)
-
-    def energy_use(self, flights: LoadedFlights) -> float:
-        """The energy of these flights, divided by what the model uses for them in still air.
-
-        Each flight comes with its load in kilograms. The wind of the newest assessment counts.
-        Without flights this is the factor in still air.
-        """
-        model = self._vehicle.model
-        legs = [leg_of(step, model=model, load_kg=load_kg) for step, load_kg in flights]
-        return self.newest().reach.factor_over(legs)
-
-    def _not_older_than(self, age: timedelta) -> Assessment:
         logbook, now = self._recorder.logbook, self._clock.now()
         newest, doing = self._newest, _doing_of(logbook)
-        if newest is not None and abs(now - newest.at) <= age and self._doing == doing:
+        if newest is not None and abs(now - newest.at) <= moment and self._doing == doing:
             return newest
         reading = self._vehicle.read(doing_now(logbook), now)
         self._newest, self._doing = self._analysis.assess(reading, logbook), doing
         return self._newest
+
+    def energy_use(self, flights: LoadedFlights) -> float:
+        """The energy of these flights, divided by what the model uses for them in still air.
+
+        Each flight comes with its load in kilograms. The wind of now counts.
+        Without flights this is the factor in still air.
+        """
+        model = self._vehicle.model
+        legs = [leg_of(step, model=model, load_kg=load_kg) for step, load_kg in flights]
+        return self.look().reach.factor_over(legs)
 
 
 def _doing_of(logbook: Logbook) -> _Doing:

@@ -15,7 +15,7 @@ from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import MqttUnavailable
 from skyway_drone_agent.analysis.analysis import Assessment
 from skyway_drone_agent.analysis.flight_estimates import Velocity
-from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.failsafes.failsafe import Situation
 from skyway_drone_agent.link.uplink import Envelope, Uplink
 
 #: A sample is sent at least once in this wall time.
@@ -83,13 +83,14 @@ def _metres_between(start: Position, end: Position) -> tuple[float, float]:
 #: Least seconds between two samples, of fleet time and of wall time.
 _EVERY_S = 1.0
 
+_SAMPLED: Final = (Situation.FLYING, Situation.RECHARGING)
+
 
 class TelemetrySender:
     """Sends the samples that are news, of those that the guard's looks offer."""
 
-    def __init__(self, uplink: Uplink, recorder: FlightRecorder, clock: FleetClock) -> None:
+    def __init__(self, uplink: Uplink, clock: FleetClock) -> None:
         self._uplink = uplink
-        self._recorder = recorder
         self._clock = clock
         self._thinning = TelemetryThinning()
         #: Until then no further assessment is a sample.
@@ -98,11 +99,9 @@ class TelemetrySender:
         self._news: tuple[Assessment, datetime] | None = None
         self._has_news = asyncio.Event()
 
-    def offer(self, assessment: Assessment) -> None:
+    def offer(self, assessment: Assessment, situation: Situation) -> None:
         """Send this soon if the drone flies or recharges, and if it is due and news."""
-        mission = self._recorder.logbook.mission
-        step = mission.step_under_way if mission else None
-        if assessment.at < self._next_at or step is None or step.kind not in ("FLY", "RECHARGE"):
+        if situation not in _SAMPLED or assessment.at < self._next_at:
             return
         pause = fleet_margin(self._clock, fleet_s=_EVERY_S, wall_s=_EVERY_S)
         self._next_at = assessment.at + pause
