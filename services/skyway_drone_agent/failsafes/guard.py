@@ -55,10 +55,7 @@ _MONITORED_FAULTS: Final = frozenset({Fault.LINK_LOST, Fault.CLOUD_SILENT})
 
 
 class Guard:
-    """Guards one drone; `faults` are from the last look, the most dangerous first.
-
-    `on_look` gets each assessment: the guard's looks are the only rhythm in which sensors are read.
-    """
+    """Guards one drone; `faults` are from the last look, the most dangerous first."""
 
     def __init__(
         self,
@@ -71,7 +68,7 @@ class Guard:
         link: LinkMonitor,
         cloud: CloudMonitor,
         heartbeat: Heartbeat,
-        on_look: Callable[[Assessment, Situation], None],
+        on_look: Callable[[Assessment, Situation], None],  # what else each look is for
     ) -> None:
         self._recorder = recorder
         self._clock = clock

@@ -103,8 +103,7 @@ class TelemetrySender:
         """Send this soon if the drone flies or recharges, and if it is due and news."""
         if situation not in _SAMPLED or assessment.at < self._next_at:
             return
-        pause = fleet_margin(self._clock, fleet_s=_EVERY_S, wall_s=_EVERY_S)
-        self._next_at = assessment.at + pause
+        self._next_at = assessment.at + fleet_margin(self._clock, fleet_s=_EVERY_S, wall_s=_EVERY_S)
         wall_at = self._clock.wall_now()
         if self._thinning.is_news(assessment, wall_at=wall_at):
             self._news = assessment, wall_at

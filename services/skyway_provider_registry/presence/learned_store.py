@@ -113,11 +113,11 @@ async def learn(
     if not ended:
         return worse
     now_ms = moment_to_ms(received_at.fleet_at)
-    found = await tx.execute(_LEARNED, {"drone_ids": sorted(ended)})
-    rows = {row.drone_id: row for row in found}
+    known = await tx.execute(_LEARNED, {"drone_ids": sorted(ended)})
+    rows = {row.drone_id: row for row in known}
     missions = sorted({step.mission_id for step in ended.values() if step.mission_id is not None})
-    ended_wall_ms = moment_to_ms(received_at.wall_at - _ENDED_BEFORE)
-    asked = {"mission_ids": missions, "ended_wall_ms": ended_wall_ms}
+    since_ms = moment_to_ms(received_at.wall_at - _ENDED_BEFORE)
+    asked = {"mission_ids": missions, "ended_wall_ms": since_ms}
     under_way = {tuple(row) for row in await tx.execute(_UNDER_WAY, asked)}
     for drone_id, step in sorted(ended.items()):
         state, row = step.state, rows.get(drone_id)
