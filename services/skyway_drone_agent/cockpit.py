@@ -63,7 +63,7 @@ class Cockpit:
         state = StateSender(
             uplink, recorder, lookout, clock, acks=acks, events=events, heartbeat=heartbeat
         )
-        telemetry = TelemetrySender(uplink, recorder, lookout, clock)
+        telemetry = TelemetrySender(uplink, clock)
         guard = Guard(
             recorder,
             vehicle,
@@ -73,6 +73,7 @@ class Cockpit:
             link=link_monitor,
             cloud=cloud_monitor,
             heartbeat=heartbeat,
+            on_look=telemetry.offer,
         )
         inbox = Inbox(
             recorder,

@@ -47,6 +47,7 @@ class FlyingDrone:
     seq: int = 1
     reported: int = 0
     soc: float = 0.9
+    mission_id: str = "msn_1"
 
     async def broken_rules(self) -> list[tuple[str, str]]:
         """What `verify` finds by the clock of the test."""
@@ -96,7 +97,7 @@ class FlyingDrone:
             "delivery_id": "dlv_1",
             "attempt": 1,
             "trip": 1,
-            "mission_id": "msn_1",
+            "mission_id": self.mission_id,
             "provider_id": self.drone["provider_id"],
             "drone_id": self.drone["drone_id"],
             "seq": self.reported,
@@ -136,7 +137,13 @@ class FlyingDrone:
 
 
 async def fly_drone(
-    api: Any, db: Database, clock: ManualClock, make: Callable[..., DroneState], online: Any
+    api: Any,
+    db: Database,
+    clock: ManualClock,
+    make: Callable[..., DroneState],
+    online: Any,
+    *,
+    mission_id: str = "msn_1",
 ) -> FlyingDrone:
     """A new drone that is online at home, and whose mission was accepted."""
     made = await api.drone(await api.provider())
@@ -144,6 +151,6 @@ async def fly_drone(
     await Recorder(db, clock).record(
         [Received(CONNECTION, ids, online(7, 1), False), Received(STATE, ids, make(7, 1), False)]
     )
-    flying = FlyingDrone(api, db, clock, make, made)
+    flying = FlyingDrone(api, db, clock, make, made, mission_id=mission_id)
     await flying.reports("ACCEPTED", "ACCEPTED")
     return flying

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Final
 
 from skyway.contracts.flight_step import FlyStep
@@ -18,7 +18,12 @@ from skyway_drone_agent.analysis.flight_estimates import (
     Velocity,
     WindEstimate,
 )
-from skyway_drone_agent.analysis.landings import NO_LANDINGS, LandingSource, RememberedLandings
+from skyway_drone_agent.analysis.landings import (
+    NO_LANDINGS,
+    Landing,
+    LandingSource,
+    RememberedLandings,
+)
 from skyway_drone_agent.analysis.leg import Leg, LegCache, leg_of, off_course_m
 from skyway_drone_agent.analysis.reach import EnergyToLand, LandingInReach, NextLanding, Reach
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
@@ -33,10 +38,6 @@ _CALM_MPS: Final = (0.0, 0.0)
 #: Looks within this time share a reading: seconds of fleet time, or of wall time if longer.
 _MOMENT_FLEET_S, _MOMENT_WALL_S = 0.2, 0.05
 
-#: The newest assessment counts as fresh for this time: seconds of fleet time, or of wall time if
-#: that is longer. So data for the cloud is never older, in any rhythm of guard and sender.
-_FRESH_FLEET_S, _FRESH_WALL_S = 0.4, 0.1
-
 #: The parts of a logbook that a reading and its analysis use.
 _Doing = tuple[object, ...]
 
@@ -45,9 +46,9 @@ _Doing = tuple[object, ...]
 class Assessment:
     """The state of the drone at a moment of fleet time; the terms are those of `DroneHealth`.
 
-    `landing` is the end of the released flights, None on the ground. `landings_in_reach` are
-    nearest first. `off_course_m` is the distance from the leg, 0 on the ground. `reach` answers
-    questions about other flights.
+    `landing` is the end of the released flights, None on the ground. `off_course_m` is the distance
+    from the leg, 0 on the ground. `reach` answers questions about other flights: what few looks
+    need is computed when it is asked for.
     """
 
     at: datetime
@@ -60,14 +61,13 @@ class Assessment:
     temperature_c: float
     cell_spread_v: float
     state_of_health: float
-    consumption_factor: float
     still_air_factor: float | None
     charge_rate_factor: float | None
     wind_mps: Velocity | None
     velocity_mps: Velocity
-    range_m: float
     landing: NextLanding | None
-    landings_in_reach: tuple[LandingInReach, ...]
+    landings: tuple[Landing, ...]
+    legs_ahead: tuple[Leg, ...]
     off_course_m: float
     has_gps: bool
     motors_work: bool
@@ -79,6 +79,23 @@ class Assessment:
     def speed_mps(self) -> float:
         """Over ground."""
         return math.hypot(*self.velocity_mps)
+
+    @property
+    def consumption_factor(self) -> float:
+        """The energy of the flights ahead by the model's energy."""
+        return self.reach.factor_over(self.legs_ahead)
+
+    @property
+    def range_m(self) -> float:
+        """The range above the reserve."""
+        return self.reach.range_m(self.load_kg)
+
+    @property
+    def landings_in_reach(self) -> tuple[LandingInReach, ...]:
+        """The landings that the drone can reach from here, nearest first."""
+        return self.reach.landings_in_reach(
+            self.landings, position=self.position, load_kg=self.load_kg
+        )
 
     @property
     def safe_landings(self) -> tuple[LandingInReach, ...]:
@@ -173,9 +190,6 @@ class Analysis:
         reach: Reach,
         wind_mps: Velocity | None,
     ) -> Assessment:
-        ahead = self._legs.ahead(logbook)
-        landing = self._next_landing(reading, logbook, leg, reach=reach)
-        load_kg = logbook.load_kg
         return Assessment(
             at=reading.at,
             position=reading.position,
@@ -187,23 +201,18 @@ class Analysis:
             temperature_c=reading.temperature_c,
             cell_spread_v=self._health.cell_spread_v,
             state_of_health=reach.state_of_health,
-            consumption_factor=reach.factor_over(ahead),
             still_air_factor=self._energy.measured,
             charge_rate_factor=self._charge_rate.factor,
             wind_mps=wind_mps,
             velocity_mps=reading.ground_mps,
-            range_m=reach.range_m(load_kg),
-            landing=landing,
-            landings_in_reach=reach.landings_in_reach(
-                self._landings.after(logbook, leg.step if leg else None),
-                position=reading.position,
-                load_kg=load_kg,
-            ),
+            landing=self._next_landing(reading, logbook, leg, reach=reach),
+            landings=self._landings.after(logbook, leg.step if leg else None),
+            legs_ahead=self._legs.ahead(logbook),
             off_course_m=off_course_m(leg, reading.position) if leg else 0.0,
             has_gps=reading.has_gps,
             motors_work=reading.motors_work,
             pad_is_free=reading.pad_is_free,
-            load_kg=load_kg if reading.load_kg is None else reading.load_kg,
+            load_kg=logbook.load_kg if reading.load_kg is None else reading.load_kg,
             reach=reach,
         )
 
@@ -239,33 +248,25 @@ class Lookout:
         self._doing: _Doing = ()
 
     def look(self) -> Assessment:
-        """Read the sensors now, unless they were read at this moment."""
+        """Read the sensors now, unless they were read at this moment for what the drone does."""
         moment = fleet_margin(self._clock, fleet_s=_MOMENT_FLEET_S, wall_s=_MOMENT_WALL_S)
-        return self._not_older_than(moment)
-
-    def newest(self) -> Assessment:
-        """The last assessment, or a new one if it is old or the drone changed what it does."""
-        fresh = fleet_margin(self._clock, fleet_s=_FRESH_FLEET_S, wall_s=_FRESH_WALL_S)
-        return self._not_older_than(fresh)
-
-    def energy_use(self, flights: LoadedFlights) -> float:
-        """The energy of these flights, divided by what the model uses for them in still air.
-
-        Each flight comes with its load in kilograms. The wind of the newest assessment counts.
-        Without flights this is the factor in still air.
-        """
-        model = self._vehicle.model
-        legs = [leg_of(step, model=model, load_kg=load_kg) for step, load_kg in flights]
-        return self.newest().reach.factor_over(legs)
-
-    def _not_older_than(self, age: timedelta) -> Assessment:
         logbook, now = self._recorder.logbook, self._clock.now()
         newest, doing = self._newest, _doing_of(logbook)
-        if newest is not None and abs(now - newest.at) <= age and self._doing == doing:
+        if newest is not None and abs(now - newest.at) <= moment and self._doing == doing:
             return newest
         reading = self._vehicle.read(doing_now(logbook), now)
         self._newest, self._doing = self._analysis.assess(reading, logbook), doing
         return self._newest
+
+    def energy_use(self, flights: LoadedFlights) -> float:
+        """The energy of these flights, divided by what the model uses for them in still air.
+
+        Each flight comes with its load in kilograms. The wind of now counts.
+        Without flights this is the factor in still air.
+        """
+        model = self._vehicle.model
+        legs = [leg_of(step, model=model, load_kg=load_kg) for step, load_kg in flights]
+        return self.look().reach.factor_over(legs)
 
 
 def _doing_of(logbook: Logbook) -> _Doing:

@@ -108,9 +108,9 @@ def situation_of(logbook: Logbook) -> Situation:
     """What the drone is doing."""
     if logbook.is_down:
         return Situation.DOWN
-    run = run_under_way(logbook)
-    if run is not None:
-        return _SITUATION_OF_STEP[run.step.kind]
+    step = logbook.mission.step_under_way if logbook.mission else None
+    if step is not None:
+        return _SITUATION_OF_STEP[step.kind]
     return Situation.FLYING if logbook.is_airborne else Situation.STANDING
 
 

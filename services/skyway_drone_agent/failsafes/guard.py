@@ -5,6 +5,7 @@ in the journal first, and the pilot does what the logbook says. So after a crash
 escape the drone continues the escape and does nothing twice.
 """
 
+from collections.abc import Callable
 from datetime import datetime, timedelta
 from typing import Final, Never
 
@@ -34,7 +35,7 @@ from skyway_drone_agent.journal.logbook import CurrentMission, Escape, run_under
 from skyway_drone_agent.journal.mission_changes import Place, descent, flight_to
 from skyway_drone_agent.journal.records import FailsafeBegun, FaultEnded, HealthLearned
 from skyway_drone_agent.link.events import EventWriter
-from skyway_drone_agent.link.link_monitor import CloudMonitor, Heartbeat, LinkMonitor
+from skyway_drone_agent.link.link_monitor import CloudMonitor, Heartbeat, LinkMonitor, at_tick
 from skyway_drone_agent.vehicle import StepRun, Vehicle
 
 #: How long a drone stands beside its pad before it asks for another plan (fleet time).
@@ -67,9 +68,11 @@ class Guard:
         link: LinkMonitor,
         cloud: CloudMonitor,
         heartbeat: Heartbeat,
+        on_look: Callable[[Assessment, Situation], None],  # what else each look is for
     ) -> None:
         self._recorder = recorder
         self._clock = clock
+        self._on_look = on_look
         self._lookout = lookout
         self._events = events
         self._link = link
@@ -87,21 +90,19 @@ class Guard:
         with self._begins:
             while True:
                 self.look()
-                due_at = self._due_at()
-                if situation_of(self._recorder.logbook) is Situation.FLYING:
-                    await self._clock.sleep_until(due_at)
+                situation = situation_of(self._recorder.logbook)
+                if situation is Situation.FLYING:
+                    await self._clock.sleep_until(self._due_at(_FLYING_EVERY_S))
+                elif situation in (Situation.STANDING, Situation.DOWN) and not self.faults:
+                    await self._begins.wait(until=self._heartbeat.after(self._clock.now()))
                 else:
                     # A take-off wakes the guard, and so does every other new record.
-                    await self._begins.wait(until=due_at)
+                    await self._begins.wait(until=self._due_at(_GROUND_EVERY_S))
 
-    def _due_at(self) -> datetime:
-        """When the guard must look again, unless there is news."""
-        logbook, clock, now = self._recorder.logbook, self._clock, self._clock.now()
-        if situation_of(logbook) is Situation.FLYING:
-            return now + fleet_margin(clock, fleet_s=_FLYING_EVERY_S, wall_s=_EVERY_WALL_S)
-        if run_under_way(logbook) is None and not self.faults:
-            return self._heartbeat.after(now)
-        return now + fleet_margin(clock, fleet_s=_GROUND_EVERY_S, wall_s=_EVERY_WALL_S)
+    def _due_at(self, fleet_s: float) -> datetime:
+        """When the guard must look again, or up to a quarter of the pause earlier."""
+        pause = fleet_margin(self._clock, fleet_s=fleet_s, wall_s=_EVERY_WALL_S)
+        return at_tick(self._clock.now() + pause, pause / 4)
 
     def look(self) -> None:
         """Find the current faults, raise alarms, and begin the failsafe that acts."""
@@ -110,6 +111,7 @@ class Guard:
         assessment = self._lookout.look()
         self._keep_health(assessment.state_of_health)
         situation = situation_of(self._recorder.logbook)
+        self._on_look(assessment, situation)
         was_grounded = self.takes_off_since is None
         self.faults = self._monitor.update(self._signs(assessment, situation))
         if was_grounded and self.takes_off_since is not None:

@@ -3,8 +3,6 @@
 It also says what the drone does now.
 """
 
-from dataclasses import replace
-from datetime import datetime
 from itertools import pairwise
 from typing import Final, Self
 
@@ -196,16 +194,20 @@ def run_under_way(logbook: Logbook) -> StepRun | None:
     mission = logbook.mission
     if mission is None or mission.began_at is None:
         return None
-    run = _run(
-        logbook, mission.steps[0], started_at=mission.began_at, changed_at=mission.changed_at
+    return StepRun(
+        step=mission.steps[0],
+        started_at=mission.began_at,
+        soc=logbook.soc,
+        load_kg=logbook.load_kg,
+        position=logbook.position,
+        changed_at=mission.changed_at,
+        onward=_onward(mission.steps),
     )
-    onward = _onward(mission.steps)
-    return replace(run, onward=onward) if onward else run
 
 
 def run_to_cut(logbook: Logbook, cut: CutStep) -> StepRun:
     """The step that an instruction has cut and whose end is not written yet."""
-    return _run(logbook, cut.step, started_at=cut.began_at, changed_at=None)
+    return StepRun(cut.step, cut.began_at, logbook.soc, logbook.load_kg, logbook.position)
 
 
 def _onward(steps: tuple[FlightStep, ...]) -> tuple[FlyStep, ...]:
@@ -216,16 +218,3 @@ def _onward(steps: tuple[FlightStep, ...]) -> tuple[FlyStep, ...]:
             break
         onward.append(after)
     return tuple(onward)
-
-
-def _run(
-    logbook: Logbook, step: FlightStep, *, started_at: datetime, changed_at: datetime | None
-) -> StepRun:
-    return StepRun(
-        step=step,
-        started_at=started_at,
-        soc=logbook.soc,
-        load_kg=logbook.load_kg,
-        position=logbook.position,
-        changed_at=changed_at,
-    )

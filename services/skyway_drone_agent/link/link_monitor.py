@@ -127,15 +127,15 @@ class Heartbeat:
         """When a drone is due again that was last looked at, or sent its state, at this moment."""
         every, tick = self._wall(HEARTBEAT_EVERY_S), self._wall(_TICK_S)
         if self._link.up_since is not None:
-            first = _at_tick(self._link.up_since + self._share * every, tick)
+            first = at_tick(self._link.up_since + self._share * every, tick)
             if moment < first:
                 return min(first, moment + every)
-        return _at_tick(moment + every, tick)
+        return at_tick(moment + every, tick)
 
     def _wall(self, seconds: float) -> timedelta:
         return fleet_margin(self._clock, fleet_s=0.0, wall_s=seconds)
 
 
-def _at_tick(moment: datetime, tick: timedelta) -> datetime:
+def at_tick(moment: datetime, tick: timedelta) -> datetime:
     """The moment rounded down to a tick: drones that wake together take half the CPU time."""
     return moment - (moment - _EPOCH) % tick

@@ -179,8 +179,8 @@ class StateSender:
         await self._events.wait_all_sent()
 
     def _state(self) -> DroneState:
-        # The guard's last assessment may be recent enough; `at` says when it was made.
-        assessment = self._lookout.newest()
         return snapshot_of(
-            self._recorder.reported_logbook, assessment, envelope=self._uplink.envelope(STATE)
+            self._recorder.reported_logbook,
+            self._lookout.look(),
+            envelope=self._uplink.envelope(STATE),
         )

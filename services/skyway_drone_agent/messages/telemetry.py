@@ -3,6 +3,7 @@
 The drone leaves out samples that the cloud can compute from the last sample.
 """
 
+import asyncio
 from datetime import datetime, timedelta
 from math import cos, hypot, radians
 from typing import Final, Never
@@ -12,10 +13,9 @@ from skyway.contracts.topics import TELEMETRY
 from skyway.geo import EARTH_RADIUS_M, Position
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import MqttUnavailable
-from skyway_drone_agent.analysis.analysis import Assessment, Lookout
+from skyway_drone_agent.analysis.analysis import Assessment
 from skyway_drone_agent.analysis.flight_estimates import Velocity
-from skyway_drone_agent.journal.flight_recorder import FlightRecorder
-from skyway_drone_agent.journal.logbook import run_under_way
+from skyway_drone_agent.failsafes.failsafe import Situation
 from skyway_drone_agent.link.uplink import Envelope, Uplink
 
 #: A sample is sent at least once in this wall time.
@@ -83,37 +83,41 @@ def _metres_between(start: Position, end: Position) -> tuple[float, float]:
 #: Least seconds between two samples, of fleet time and of wall time.
 _EVERY_S = 1.0
 
+_SAMPLED: Final = (Situation.FLYING, Situation.RECHARGING)
+
 
 class TelemetrySender:
-    """Samples the drone during flights and recharges."""
+    """Sends the samples that are news, of those that the guard's looks offer."""
 
-    def __init__(
-        self, uplink: Uplink, recorder: FlightRecorder, lookout: Lookout, clock: FleetClock
-    ) -> None:
+    def __init__(self, uplink: Uplink, clock: FleetClock) -> None:
         self._uplink = uplink
-        self._recorder = recorder
-        self._lookout = lookout
         self._clock = clock
-        self._news = recorder.watch()
         self._thinning = TelemetryThinning()
+        #: Until then no further assessment is a sample.
+        self._next_at = clock.now()
+        #: The last assessment that was news, and when it was made, wall time.
+        self._news: tuple[Assessment, datetime] | None = None
+        self._has_news = asyncio.Event()
+
+    def offer(self, assessment: Assessment, situation: Situation) -> None:
+        """Send this soon if the drone flies or recharges, and if it is due and news."""
+        if situation not in _SAMPLED or assessment.at < self._next_at:
+            return
+        self._next_at = assessment.at + fleet_margin(self._clock, fleet_s=_EVERY_S, wall_s=_EVERY_S)
+        wall_at = self._clock.wall_now()
+        if self._thinning.is_news(assessment, wall_at=wall_at):
+            self._news = assessment, wall_at
+            self._has_news.set()
 
     async def run(self) -> Never:
-        """Sample for ever; a sample that cannot be sent is dropped."""
+        """Send for ever; a sample that cannot be sent is dropped."""
         while True:
-            run = run_under_way(self._recorder.logbook)
-            if run is None or run.step.kind not in ("FLY", "RECHARGE"):
-                await self._news.wait()
-                self._news.clear()
-                continue
-            now = self._clock.now()
-            await self._send_news(self._lookout.newest())
-            pause = fleet_margin(self._clock, fleet_s=_EVERY_S, wall_s=_EVERY_S)
-            await self._clock.sleep_until(now + pause)
+            await self._has_news.wait()
+            self._has_news.clear()
+            if self._news is not None:
+                await self._send(*self._news)
 
-    async def _send_news(self, assessment: Assessment) -> None:
-        wall_at = self._clock.wall_now()
-        if not self._thinning.is_news(assessment, wall_at=wall_at):
-            return
+    async def _send(self, assessment: Assessment, wall_at: datetime) -> None:
         sample = telemetry_of(assessment, envelope=self._uplink.envelope(TELEMETRY))
         try:
             await self._uplink.send(TELEMETRY, sample)

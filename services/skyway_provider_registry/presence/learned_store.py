@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import Final
 
-from sqlalchemy import BigInteger, Join, Text, and_, bindparam, delete, exists, or_, select, update
+from sqlalchemy import BigInteger, Join, and_, bindparam, delete, or_, select, update
 from sqlalchemy.sql.selectable import FromClause
 
 from skyway.contracts.drone_report import DroneState
 from skyway.ids import DroneId, MissionId
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.battery_tables import batteries
 from skyway_provider_registry.presence.learning import (
@@ -69,24 +70,22 @@ def with_learned(fleet: FromClause) -> Join:
 
 _LEARNED: Final = (
     select(
+        drones.c.drone_id,
         *LEARNED_COLUMNS,
         learned_values.c.learned_session,
         learned_values.c.learned_seq,
         learned_values.c.learned_ms,
     )
     .select_from(with_learned(drones))
-    .where(drones.c.drone_id == bindparam("about", type_=Text))
+    .where(in_list(drones.c.drone_id, "drone_ids"))
 )
 _has_just_ended = and_(
     mission_hints.c.mission_state == "COMPLETED",
     mission_hints.c.reported_wall_ms >= bindparam("ended_wall_ms", type_=BigInteger),
 )
-_IS_UNDER_WAY: Final = select(
-    exists().where(
-        mission_hints.c.mission_id == bindparam("mission", type_=Text),
-        mission_hints.c.drone_id == bindparam("about", type_=Text),
-        or_(mission_hints.c.is_live, _has_just_ended),
-    )
+_UNDER_WAY: Final = select(mission_hints.c.drone_id, mission_hints.c.mission_id).where(
+    in_list(mission_hints.c.mission_id, "mission_ids"),
+    or_(mission_hints.c.is_live, _has_just_ended),
 )
 
 
@@ -111,18 +110,22 @@ async def learn(
     that only pretends to fly its mission is not faster than one that flies.
     """
     worse: dict[DroneId, str] = {}
+    if not ended:
+        return worse
     now_ms = moment_to_ms(received_at.fleet_at)
-    ended_wall_ms = moment_to_ms(received_at.wall_at - _ENDED_BEFORE)
+    known = await tx.execute(_LEARNED, {"drone_ids": sorted(ended)})
+    rows = {row.drone_id: row for row in known}
+    missions = sorted({step.mission_id for step in ended.values() if step.mission_id is not None})
+    since_ms = moment_to_ms(received_at.wall_at - _ENDED_BEFORE)
+    asked = {"mission_ids": missions, "ended_wall_ms": since_ms}
+    under_way = {tuple(row) for row in await tx.execute(_UNDER_WAY, asked)}
     for drone_id, step in sorted(ended.items()):
-        state, about = step.state, {"about": drone_id}
-        row = (await tx.execute(_LEARNED, about)).one_or_none()
+        state, row = step.state, rows.get(drone_id)
         if row is None or _is_too_early(row, state, received_at):
             continue
         before = learned_of(row)
         after = learned_from(before, before=step.before, state=state)
-        mission = {"mission": step.mission_id, "ended_wall_ms": ended_wall_ms}
-        under_way = await tx.execute(_IS_UNDER_WAY, about | mission)
-        if after == before or not under_way.scalar_one():
+        if after == before or (drone_id, step.mission_id) not in under_way:
             continue
         await _store(tx, drone_id, row, after, state=state, now_ms=now_ms)
         reason = why_maintenance(before, after)

@@ -34,30 +34,6 @@ def recorder(drone: Any) -> FlightRecorder:
     return FlightRecorder(MemoryJournal(), drone_id=drone.drone_id, at_first=drone.at_first())
 
 
-def test_the_newest_assessment_is_shared(
-    recorder: FlightRecorder, vehicle: CountedVehicle, virtual_clock: Any
-) -> None:
-    lookout = Lookout(recorder, vehicle, virtual_clock)
-    guards = lookout.look()
-
-    virtual_clock.move_to(virtual_clock.now() + timedelta(seconds=0.4))
-
-    assert lookout.newest() is guards
-    assert vehicle.reads == 1
-
-
-def test_an_old_assessment_is_made_anew(
-    recorder: FlightRecorder, vehicle: CountedVehicle, virtual_clock: Any
-) -> None:
-    lookout = Lookout(recorder, vehicle, virtual_clock)
-    lookout.look()
-
-    virtual_clock.move_to(virtual_clock.now() + timedelta(seconds=0.5))
-
-    assert lookout.newest().at == virtual_clock.now()
-    assert vehicle.reads == 2
-
-
 def test_a_changed_logbook_needs_a_new_assessment(
     recorder: FlightRecorder, vehicle: CountedVehicle, virtual_clock: Any
 ) -> None:
@@ -66,7 +42,7 @@ def test_a_changed_logbook_needs_a_new_assessment(
 
     recorder.logbook = recorder.logbook.model_copy(update={"soc": 0.9})
 
-    assert lookout.newest().soc == pytest.approx(0.9)
+    assert lookout.look().soc == pytest.approx(0.9)
     assert vehicle.reads == 2
 
 

@@ -1,6 +1,6 @@
 """Faults: they begin at a limit that lasts, and end beyond a margin."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import Any
 
@@ -42,6 +42,16 @@ def at(signs: Signs, seconds: float, **assessed: Any) -> Signs:
     return replace(signs, assessment=replace(signs.assessment, at=moment, **assessed))
 
 
+@dataclass(frozen=True)
+class KnownReach:
+    """The answer to one question, known beforehand."""
+
+    in_reach: tuple[LandingInReach, ...]
+
+    def landings_in_reach(self, *_: Any, **__: Any) -> tuple[LandingInReach, ...]:
+        return self.in_reach
+
+
 def landing(soc: float, *others: float) -> dict[str, Any]:
     """Predicted charges at the planned landing, and at others that can be reached."""
     position = Position(-98.0, 30.0)
@@ -49,7 +59,7 @@ def landing(soc: float, *others: float) -> dict[str, Any]:
         LandingInReach(StationId(f"s{n}"), position, 1.0, other, is_safe=False)
         for n, other in enumerate(others)
     )
-    return {"landing": NextLanding(StationId("end"), 1.0, soc), "landings_in_reach": in_reach}
+    return {"landing": NextLanding(StationId("end"), 1.0, soc), "reach": KnownReach(in_reach)}
 
 
 def test_good_values_are_no_fault(signs: Signs) -> None:

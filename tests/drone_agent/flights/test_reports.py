@@ -132,6 +132,20 @@ async def test_telemetry_comes_at_most_once_a_wall_second_and_only_when_it_moves
     assert max(moments) <= trip[-1].planned_end_at
 
 
+async def test_telemetry_shows_how_the_charge_grows(world: Any, cloud: Any, trip: Any) -> None:
+    world.clock.rate = 1.0
+    await world.start()
+    await world.send(cloud.mission(trip))
+    await world.pass_until(lambda: world.states[-1].activity == "RECHARGING")
+    world.published.clear()
+
+    await world.pass_time(timedelta(minutes=2))
+
+    charges = [sample.soc for sample in world.messages(TELEMETRY)]
+    assert len(charges) >= 11
+    assert charges == sorted(set(charges))
+
+
 async def test_telemetry_of_a_straight_flight_goes_out_every_ten_seconds(
     world: Any, cloud: Any, steps: Any
 ) -> None:

@@ -109,7 +109,7 @@ def test_learned_battery_health_survives_a_restart() -> None:
 
 
 def test_a_restart_against_the_wind_does_not_overestimate_the_charge() -> None:
-    assert play(Story(129, "stormy", (Crash(24, "before"),))).broken == []
+    assert play(Story(276, "stormy", (Crash(24, "before"),))).broken == []
 
 
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)

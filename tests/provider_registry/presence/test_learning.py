@@ -1,17 +1,21 @@
 """What flights show about a drone: learned slowly, once, within bounds; forgotten on request."""
 
 from collections.abc import Callable, Sequence
+from datetime import timedelta
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from skyway_provider_registry.presence import jump_store
+from skyway_provider_registry.presence.follow import Recorder
 from skyway_provider_registry.presence.learning import Learned, why_maintenance
 
 from skyway.contracts.drone_report import DroneState
+from skyway.contracts.topics import STATE
 from skyway.drone.learned_values import AS_MODELLED, LearnedValues
 from skyway.runtime.clock import ManualClock
+from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
 from tests.provider_registry.flying_drone import FlyingDrone, fly_drone, make_health
 
@@ -133,6 +137,33 @@ async def test_what_flights_show_is_shown_planned_with_and_forgotten_on_request(
     assert answer.status_code == 204, answer.text
     assert await drone.learned() is None
     assert await drone.planned() == AS_MODELLED
+
+
+@pytest.mark.databases("sqlite", "postgresql")
+async def test_a_batch_teaches_about_each_drone_that_flew_its_own_mission(
+    api: Any, db: Database, clock: ManualClock, state: Callable[..., DroneState], online: Any
+) -> None:
+    missions = ("msn_1", "msn_2")
+    own = [await fly_drone(api, db, clock, state, online, mission_id=each) for each in missions]
+    # Its report comes late: the mission is another drone's already.
+    pretender = await fly_drone(api, db, clock, state, online, mission_id="msn_2")
+    drones, batch = (*own, pretender), []
+    for number, each in enumerate(drones):
+        flight = {"mission_id": each.mission_id, "health": make_health(use=1.1 + 0.1 * number)}
+        await each.does("FLYING", after_s=150, soc=0.9, **flight)
+        batch.append(state(7, 3, activity="WAITING", soc=0.9, **flight))
+    clock.advance(timedelta(seconds=300))
+
+    await Recorder(db, clock).record(
+        [
+            Received(STATE, (each.drone["provider_id"], each.drone["drone_id"]), landed, False)
+            for each, landed in zip(drones, batch, strict=True)
+        ]
+    )
+
+    first, second, none = [await each.learned() for each in drones]
+    assert (first["flights"], second["flights"], none) == (1, 1, None)
+    assert first["still_air_factor"] < second["still_air_factor"]
 
 
 async def test_a_drone_that_becomes_much_worse_raises_an_alarm_for_maintenance_once(

@@ -43,8 +43,8 @@ MUTANTS = (
     Mutant(
         "hand-overs begin again after a restart",
         "journal/logbook.py",
-        "logbook, mission.steps[0], started_at=mission.began_at,",
-        "logbook, mission.steps[0], started_at=mission.began_at.replace(microsecond=1),",
+        "started_at=mission.began_at,",
+        "started_at=mission.began_at.replace(microsecond=1),",
     ),
     Mutant(
         "packages are picked up again after a restart",
