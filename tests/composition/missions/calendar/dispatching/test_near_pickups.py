@@ -89,7 +89,7 @@ async def test_a_guest_hands_its_packages_over_where_its_host_is_loaded(world: N
     host, guest = (mission_for(record, DeliveryId(each)) for each in ("dlv1", "dlv2"))
     assert (host.pickup_station_id, host.pickup_away_m) == ("a", 0.0)
     assert (guest.pickup_station_id, guest.pickup_away_m) == ("a", _AWAY_M)
-    # Earlier versions refuse these fields, so a share has them only where they are needed.
+    # A share has these fields only where they are needed.
     stored = json.loads(shares_json(record.shares) or "")
     assert ["near" in each for each in stored] == [False, True]
     assert ["delay" in each for each in stored] == [False, False]
