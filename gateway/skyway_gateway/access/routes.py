@@ -9,7 +9,7 @@ from pydantic import Field
 from skyway.ids import KeyId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Unauthenticated
-from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
+from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
 from skyway.runtime.http.identity import Caller, KeyHolder
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
@@ -107,13 +107,8 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
         Callers: operator.
         """
         caller.must_be("operator")
-        answer = await keys.issue(
-            holder_of(request),
-            requested,
-            idempotency_key=idempotency_key,
-            body=await request.body(),
-        )
-        return response_of(answer)
+        call = await keyed_call(request, caller, idempotency_key)
+        return response_of(await keys.issue(holder_of(request), requested, call))
 
     @router.post("/v1/keys/rotations", status_code=201, response_model=IssuedKey)
     async def rotate_key(
@@ -129,10 +124,10 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
         Callers: customer, provider, operator.
         """
         caller.must_be("customer", "provider", "operator")
-        answer = await keys.rotate(
-            holder_of(request), idempotency_key=idempotency_key, body=await request.body()
-        )
-        return response_of(answer)
+        holder = holder_of(request)
+        # The answer belongs to this key: another key of the caller must not get it.
+        call = await keyed_call(request, f"{caller}:{holder.key_id}", idempotency_key)
+        return response_of(await keys.rotate(holder, call))
 
     @router.get("/v1/keys")
     async def list_keys(

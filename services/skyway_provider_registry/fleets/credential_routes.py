@@ -8,7 +8,7 @@ from fastapi import Depends, Request, Response
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
+from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency_store import Answer, once
@@ -57,16 +57,8 @@ def credential_routes(
         async def shown(tx: Tx) -> Answer:
             return Answer(201, (await act(tx)).model_dump_json().encode())
 
-        answer = await once(
-            db,
-            caller=asked_by,
-            route=f"POST {request.scope['path']}",
-            key=key,
-            body=await request.body(),
-            act=shown,
-            clock=clock,
-        )
-        return response_of(answer)
+        call = await keyed_call(request, asked_by, key)
+        return response_of(await once(db, call, act=shown, clock=clock))
 
     @router.post(
         "/v1/enrolments",
