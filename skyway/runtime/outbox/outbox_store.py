@@ -56,7 +56,7 @@ def outbox_table(metadata: MetaData) -> Table:
         Column("attempts", Integer, nullable=False, server_default="0"),
         Column("due_at_ms", BigInteger, nullable=False, server_default="0"),
         # When the message was stored, by the machine's clock.
-        Column("stored_wall_ms", BigInteger, nullable=False),
+        Column("stored_wall_ms", BigInteger, nullable=False, server_default="0"),
         *claim_columns(),
         Index("outbox_stream", "channel", "stream", "id"),
         Index("outbox_message", "message_id"),

@@ -224,7 +224,7 @@ def upgrade() -> None:
         sa.Column("traceparent", sa.Text(), nullable=True),
         sa.Column("attempts", sa.Integer(), server_default="0", nullable=False),
         sa.Column("due_at_ms", sa.BigInteger(), server_default="0", nullable=False),
-        sa.Column("stored_wall_ms", sa.BigInteger(), nullable=False),
+        sa.Column("stored_wall_ms", sa.BigInteger(), server_default="0", nullable=False),
         sa.Column("claimed_by", sa.Text(), nullable=True),
         sa.Column("claimed_until_ms", sa.BigInteger(), server_default="0", nullable=False),
         sa.PrimaryKeyConstraint("id"),
