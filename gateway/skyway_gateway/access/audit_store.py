@@ -174,8 +174,8 @@ async def page(
         # Not LIKE: on SQLite it ignores case.
         begins = func.substr(audit.c.path, 1, len(requested.path)) == requested.path
         statement = statement.where(begins)
-    if (after := query.after(str)) is not None:
-        statement = statement.where(audit.c.entry_id < after[0])
+    if (after := query.after_id()) is not None:
+        statement = statement.where(audit.c.entry_id < after)
     statement = statement.order_by(audit.c.entry_id.desc()).limit(query.limit + 1)
     return [_entry(row) for row in await connection.execute(statement)]
 

@@ -155,8 +155,8 @@ async def page(
         statement = statement.where(api_keys.c.role == requested.role)
     if requested.subject_id is not None:
         statement = statement.where(api_keys.c.subject_id == requested.subject_id)
-    if (after := query.after(str)) is not None:
-        statement = statement.where(api_keys.c.key_id > after[0])
+    if (after := query.after_id()) is not None:
+        statement = statement.where(api_keys.c.key_id > after)
     statement = statement.order_by(api_keys.c.key_id).limit(query.limit + 1)
     return [_key(row) for row in await connection.execute(statement)]
 

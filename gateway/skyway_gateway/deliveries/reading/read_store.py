@@ -98,8 +98,8 @@ def _with_place(delivery: Delivery, row: AnyRow | None) -> Delivery:
 async def _page(
     connection: AsyncConnection, statement: Select[*tuple[Any, ...]], query: PageQuery
 ) -> Sequence[Delivery]:
-    if (after := query.after(str)) is not None:
-        statement = statement.where(deliveries.c.delivery_id < after[0])
+    if (after := query.after_id()) is not None:
+        statement = statement.where(deliveries.c.delivery_id < after)
     statement = statement.order_by(deliveries.c.delivery_id.desc()).limit(query.limit + 1)
     return await with_parts(connection, (await connection.execute(statement)).all())
 
