@@ -19,12 +19,12 @@ from skyway.runtime.http.identity import Caller, KeyHolder
 from skyway.runtime.idempotency_store import Answer, KeyedCall, once
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
-from skyway.runtime.peer_secrets import read_secret
+from skyway.runtime.peer_secrets import read_secret, secret_hash
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access import account_store, rotation_store, store
 from skyway_gateway.access.api_key import ApiKey, BrokerLogin, IssuedKey, KeyRole, NewKey
 from skyway_gateway.access.broker_accounts import Accounts, BrokerAccounts, new_login
-from skyway_gateway.access.recognise import CachedKeys, secret_hash
+from skyway_gateway.access.recognise import CachedKeys
 from skyway_gateway.access.usage import UsageQuota
 
 _PREFIX: Final = "sk_"

@@ -12,6 +12,7 @@ from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, r
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency_store import Answer, once
+from skyway.runtime.peer_secrets import secret_hash
 from skyway.runtime.sql.database import Database, Tx
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
@@ -27,7 +28,6 @@ from skyway_provider_registry.fleets.issue_credentials import (
     issue_token,
     revoke,
     rotate,
-    token_hash,
 )
 from skyway_provider_registry.renewal_store import RenewalMoment
 
@@ -78,7 +78,7 @@ def credential_routes(
         """
         caller.must_be_service("gateway")
 
-        hashed = token_hash(requested.enrolment_token)
+        hashed = secret_hash(requested.enrolment_token)
         async with db.read() as connection:
             await credential_store.require_token(connection, hashed)
 
