@@ -25,6 +25,7 @@ from sqlalchemy import (
 )
 
 from skyway.runtime.sql.claims import claim_columns
+from skyway.runtime.sql.partial_index import partial_index
 
 metadata = MetaData()
 
@@ -99,37 +100,20 @@ deliveries = Table(
     Index("deliveries_by_state", "state", "next_try_wall_ms"),
     Index("deliveries_queued", "is_queued", "next_try_wall_ms"),
     Index("deliveries_by_time", "created_ms"),
-    Index(
+    partial_index(
         "deliveries_waiting",
         "network_id",
         "queue_rank",
         "created_ms",
         "delivery_id",
-        sqlite_where=text("waits_since_ms IS NOT NULL"),
-        postgresql_where=text("waits_since_ms IS NOT NULL"),
+        where="waits_since_ms IS NOT NULL",
     ),
     # For the count of what one customer has.
-    Index(
-        "deliveries_live",
-        "customer_id",
-        "state",
-        sqlite_where=text(IS_LIVE),
-        postgresql_where=text(IS_LIVE),
-    ),
+    partial_index("deliveries_live", "customer_id", "state", where=IS_LIVE),
     # For those that are deleted after some days.
-    Index(
-        "deliveries_over",
-        "updated_ms",
-        sqlite_where=text(IS_OVER),
-        postgresql_where=text(IS_OVER),
-    ),
+    partial_index("deliveries_over", "updated_ms", where=IS_OVER),
     # Few deliveries are SCHEDULED: the others cost this index nothing.
-    Index(
-        "deliveries_scheduled",
-        "earliest_pickup_ms",
-        sqlite_where=text("state = 'SCHEDULED'"),
-        postgresql_where=text("state = 'SCHEDULED'"),
-    ),
+    partial_index("deliveries_scheduled", "earliest_pickup_ms", where="state = 'SCHEDULED'"),
 )
 
 packages = Table(
@@ -163,12 +147,7 @@ packages = Table(
         name="package_state",
     ),
     # For the lateness of the last packages.
-    Index(
-        "packages_delivered",
-        "delivered_ms",
-        sqlite_where=text("delivered_ms IS NOT NULL"),
-        postgresql_where=text("delivered_ms IS NOT NULL"),
-    ),
+    partial_index("packages_delivered", "delivered_ms", where="delivered_ms IS NOT NULL"),
 )
 
 #: Who held a package, from the pickup station to the recipient; rows are only added.
@@ -183,13 +162,12 @@ custody = Table(
     Column("at_ms", BigInteger, nullable=False),
     CheckConstraint("custodian_kind IN ('STATION', 'DRONE', 'RECIPIENT')", name="custodian_kind"),
     # Invariant I6: a package is delivered once.
-    Index(
+    partial_index(
         "custody_delivered",
         "delivery_id",
         "package_id",
         unique=True,
-        sqlite_where=text("custodian_kind = 'RECIPIENT'"),
-        postgresql_where=text("custodian_kind = 'RECIPIENT'"),
+        where="custodian_kind = 'RECIPIENT'",
     ),
 )
 

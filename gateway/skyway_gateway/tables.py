@@ -23,6 +23,7 @@ from skyway.runtime.idempotency_store import idempotency_table
 from skyway.runtime.outbox.outbox_store import outbox_table
 from skyway.runtime.replicas.replica_store import replicas_table
 from skyway.runtime.sql.claims import claim_columns
+from skyway.runtime.sql.partial_index import partial_index
 from skyway_gateway import delivery_tables
 
 #: All tables of the gateway, for migrations and verification.
@@ -59,19 +60,14 @@ api_keys = Table(
     UniqueConstraint("key_hash", name="api_key_hash"),
     CheckConstraint("role IN ('customer', 'provider', 'operator')", name="api_key_role"),
     Index("api_keys_by_subject", "role", "subject_id"),
-    Index(
+    partial_index(
         "api_keys_ending",
         "ends_wall_ms",
-        sqlite_where=text("deleted_wall_ms IS NULL AND ends_wall_ms IS NOT NULL"),
-        postgresql_where=text("deleted_wall_ms IS NULL AND ends_wall_ms IS NOT NULL"),
+        where="deleted_wall_ms IS NULL AND ends_wall_ms IS NOT NULL",
     ),
     # A key has at most one next key.
-    Index(
-        "api_key_next",
-        "replaces_key_id",
-        unique=True,
-        sqlite_where=text("is_next AND deleted_wall_ms IS NULL"),
-        postgresql_where=text("is_next AND deleted_wall_ms IS NULL"),
+    partial_index(
+        "api_key_next", "replaces_key_id", unique=True, where="is_next AND deleted_wall_ms IS NULL"
     ),
 )
 
@@ -130,12 +126,7 @@ quotes = Table(
     # What composition holds for its first offers until they expire; null if nothing is held.
     Column("hold_id", Text),
     Index("quotes_by_expiry", "expires_wall_ms"),
-    Index(
-        "quotes_held",
-        "expires_wall_ms",
-        sqlite_where=text("hold_id IS NOT NULL"),
-        postgresql_where=text("hold_id IS NOT NULL"),
-    ),
+    partial_index("quotes_held", "expires_wall_ms", where="hold_id IS NOT NULL"),
 )
 
 #: The last known version of each network, for the time in which composition is away.
@@ -194,13 +185,8 @@ notifications = Table(
     Column("is_replay", Boolean, nullable=False, server_default=false()),
     *claim_columns(),
     CheckConstraint("state IN ('PENDING', 'DELIVERED', 'GIVEN_UP')", name="notification_state"),
-    Index(
-        "notifications_pending",
-        "webhook_id",
-        "delivery_id",
-        "sequence",
-        sqlite_where=text("state = 'PENDING'"),
-        postgresql_where=text("state = 'PENDING'"),
+    partial_index(
+        "notifications_pending", "webhook_id", "delivery_id", "sequence", where="state = 'PENDING'"
     ),
     # An event that is deleted must have no notification any more.
     Index("notifications_by_event", "event_id"),

@@ -129,12 +129,12 @@ def alarm_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Servi
         own = None if caller.role == "operator" else caller.subject_id
         if own is not None and query.provider_id not in (None, own):
             raise NotFound("provider", str(query.provider_id))
-        shown, after = query.filter(own), query.after(str)
+        shown = query.filter(own)
         async with db.read() as connection:
             rows = await alarm_store.page(
                 connection,
                 shown,
-                before=str(after[0]) if after else None,
+                before=query.after_id(),
                 limit=query.limit + 1,
             )
         return page_of(

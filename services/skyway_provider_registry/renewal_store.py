@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
-from sqlalchemy import BigInteger, Text, bindparam, func, select, update
+from sqlalchemy import BigInteger, Text, bindparam, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId, NetworkId
@@ -34,7 +34,7 @@ class DueRenewal:
     drone_id: DroneId
     at: datetime
     wall_ms: int
-    network_id: NetworkId | None
+    network_id: NetworkId
 
 
 #: A renewal is announced unless there was another one meanwhile.
@@ -70,7 +70,7 @@ async def due(
     *,
     until_wall_at: datetime,
     limit: int,
-    without: Collection[NetworkId | None] = (),
+    without: Collection[NetworkId] = (),
 ) -> Sequence[DueRenewal]:
     """The renewals until this moment that were not announced, the oldest first.
 
@@ -82,7 +82,7 @@ async def due(
         .where(
             renewals.c.is_announced.is_(False),
             renewals.c.renewed_wall_ms <= moment_to_ms(until_wall_at),
-            func.coalesce(drones.c.network_id, "").not_in([each or "" for each in without]),
+            drones.c.network_id.not_in(without),
         )
         .order_by(renewals.c.renewed_wall_ms)
         .limit(limit)

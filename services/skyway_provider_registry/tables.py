@@ -71,7 +71,7 @@ drones = Table(
     Column("home_station_id", Text, nullable=False),
     Column("home_longitude_deg", Double, nullable=False),
     Column("home_latitude_deg", Double, nullable=False),
-    Column("network_id", Text),  # of its home; null in rows of an older version
+    Column("network_id", Text, nullable=False),  # of its home
     Column("name", Text),
     Column("registration", Text),
     Column("initial_soc", Double, nullable=False),

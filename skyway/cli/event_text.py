@@ -30,9 +30,8 @@ def _sentence(event_type: str, data: EventData) -> str:
         case "delivery.scheduled":
             return f"scheduled: a drone is booked from {_clock(data['books_from_at'])} on"
         case "delivery.planned":
-            pickup_id = data.get("pickup_station_id")
-            pickup = f"pickup at {pickup_id}, " if pickup_id else ""
-            return f"planned: {pickup}{_etas(data['packages'])}, {_price(data['price'])}"
+            pickup = f"pickup at {data['pickup_station_id']}"
+            return f"planned: {pickup}, {_etas(data['packages'])}, {_price(data['price'])}"
         case "delivery.dispatched":
             return f"drone {data['drone_id']} has accepted the mission"
         case "delivery.loaded":

@@ -129,16 +129,14 @@ def _offers(answer: dict[str, Any], names: dict[str, str]) -> Iterator[str]:
         )
         if offer.get("pooled_price") is not None:
             yield f"   pooled   {price_in_words(offer['pooled_price'])} if the trip is shared"
-        pickup_id = offer.get("pickup_station_id")
-        at = f" at {pickup_id}" if pickup_id else ""
-        yield f"   pickup   {_moment(offer['pickup_at'])}{at}"
+        yield f"   pickup   {_moment(offer['pickup_at'])} at {offer['pickup_station_id']}"
         for package in offer["packages"]:
             package_id = package["package_id"]
             p90_at = package.get("eta_p90_at")
             by = f", nine of ten by {_moment(p90_at)}" if p90_at else ""
             place = places[package_id]
             yield f"   arrival  {_moment(package['eta_at'])}  {package_id} at {place}{by}"
-        yield from _margin(offer.get("margins", {}).get("risk"))
+        yield from _margin(offer["margins"].get("risk"))
         kept = "its drones and pads are held until then" if offer["is_held"] else "nothing is held"
         yield f"   expires  {_moment(offer['expires_at'])} wall time; {kept}"
         yield f"   accept   skyway accept {quote_id} {offer['offer_id']}"

@@ -102,8 +102,8 @@ class PlannedData(WireModel):
     ]
     price: Annotated[Price | None, Field(description="What all missions cost together.")]
     pickup_station_id: Annotated[
-        StationId | None, Field(description="Where the packages are handed over to the drone.")
-    ] = None
+        StationId, Field(description="Where the packages are handed over to the drone.")
+    ]
     pickup_at: Annotated[
         FleetMoment, Field(description="When the first drone begins to load, fleet time.")
     ]

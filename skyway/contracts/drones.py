@@ -142,8 +142,7 @@ class DronesOfModel(WireModel):
 
     model_id: DroneModelId
     max_payload_kg: float
-    #: None from a registry of an earlier version.
-    model: DroneModel | None = None
+    model: DroneModel
     registered: int
     online: int
     idle: int

@@ -136,3 +136,15 @@ FlightStep = Annotated[
 ]
 
 StepKind = Literal["PICK_UP", "FLY", "WAIT", "RECHARGE", "DELIVER", "RETURN"]
+
+
+def end_of(step: FlightStep) -> StationId:
+    """The station where the drone stands, or which it flies over, after this step."""
+    return step.to_id if isinstance(step, FlyStep) else step.station_id
+
+
+def packages_of(step: FlightStep) -> tuple[PackageId, ...]:
+    """The packages that are taken on board or handed over in this step."""
+    if isinstance(step, PickUpStep):
+        return tuple(package.package_id for package in step.packages)
+    return step.package_ids if isinstance(step, DeliverStep | ReturnStep) else ()

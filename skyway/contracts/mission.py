@@ -91,12 +91,8 @@ class DeliveryMission(WireModel):
     ]
     plan: Annotated[Plan, Field(description="The present plan, up to the last delivery.")]
     pickup_station_id: Annotated[
-        StationId | None,
-        Field(
-            description="Where the packages are handed over to the drone; null in missions of an "
-            "earlier version."
-        ),
-    ] = None
+        StationId, Field(description="Where the packages are handed over to the drone.")
+    ]
     pickup_away_m: Annotated[
         float,
         Field(
@@ -181,12 +177,12 @@ class OfferLimits(WireModel):
         Field(description="What was held when the offer was accepted; null without a hold."),
     ] = None
     tariff: Annotated[
-        Tariff | None,
+        Tariff,
         Field(
             description="The provider's tariff when the offer was made: the offer is booked by it, "
-            "even if the tariff has changed since. Null for offers of an earlier version."
+            "even if the tariff has changed since."
         ),
-    ] = None
+    ]
     late_share: Annotated[
         float | None,
         Field(

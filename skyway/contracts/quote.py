@@ -75,12 +75,8 @@ class OfferTerms(WireModel):
         ),
     ] = None
     pickup_station_id: Annotated[
-        StationId | None,
-        Field(
-            description="Where the packages are handed over to the drone; null in offers of an "
-            "earlier version."
-        ),
-    ] = None
+        StationId, Field(description="Where the packages are handed over to the drone.")
+    ]
     pickup_at: Annotated[
         FleetMoment, Field(description="When the first drone begins to load at the pickup.")
     ]
@@ -98,9 +94,9 @@ class OfferTerms(WireModel):
         tuple[tuple[StationId, ...], ...],
         Field(
             description="For each trip the stations that its packages pass, from the pickup to the "
-            "last delivery; empty for offers of an earlier version."
+            "last delivery."
         ),
-    ] = ()
+    ]
     margins: Annotated[Margins, Field(description="What the plan has on top of what it needs.")]
     weather: Annotated[
         WeatherNote | None,

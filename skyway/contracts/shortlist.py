@@ -63,7 +63,7 @@ class Shortlist(WireModel):
     ] = ()
     standbys: Annotated[
         tuple[Standby, ...],
-        Field(description="What the drone of each row does when it is idle; without it, HOME."),
+        Field(description="What the drone of each row does when it is idle."),
     ] = ()
     learned: Annotated[
         tuple[LearnedValues, ...],
@@ -103,7 +103,7 @@ class Shortlist(WireModel):
     @model_validator(mode="after")
     def _rows_are_whole(self) -> Self:
         columns = (self.provider_ids, self.model_ids, self.socs)
-        places = (self.station_ids, self.home_station_ids, self.each_standby)
+        places = (self.station_ids, self.home_station_ids, self.standbys)
         if {len(column) for column in (*columns, *places, self.each_learned)} != {
             len(self.drone_ids)
         }:
@@ -130,13 +130,8 @@ class Shortlist(WireModel):
         return {each.provider_id: each for each in self.providers}
 
     @cached_property
-    def each_standby(self) -> tuple[Standby, ...]:
-        """The standby of each row; an older registry sends none, and its drones fly home."""
-        return self.standbys or tuple("HOME" for _ in self.drone_ids)
-
-    @cached_property
     def each_learned(self) -> tuple[LearnedValues, ...]:
-        """The learned values of each row; an older registry sends none."""
+        """The learned values of each row, also if all drones are as their models say."""
         return self.learned or tuple(AS_MODELLED for _ in self.drone_ids)
 
     @cached_property
@@ -176,7 +171,7 @@ class Shortlist(WireModel):
             soc=self.socs[row],
             station_id=self.station_ids[row],
             home_station_id=self.home_station_ids[row],
-            standby=self.each_standby[row],
+            standby=self.standbys[row],
             tariff=terms.tariff,
             loading=terms.loading,
             no_shows=terms.no_shows,
@@ -196,13 +191,13 @@ class Shortlist(WireModel):
             socs=tuple(self.socs[row] for row in rows),
             station_ids=tuple(self.station_ids[row] for row in rows),
             home_station_ids=tuple(self.home_station_ids[row] for row in rows),
-            standbys=tuple(self.each_standby[row] for row in rows),
+            standbys=tuple(self.standbys[row] for row in rows),
             learned=learned_column(self.each_learned[row] for row in rows),
         )
 
-    def with_tariff(self, provider_id: ProviderId, tariff: Tariff | None) -> Self:
-        """The shortlist with another tariff of this provider; None leaves its tariff."""
-        if tariff is None or provider_id not in self.terms_of:
+    def with_tariff(self, provider_id: ProviderId, tariff: Tariff) -> Self:
+        """The shortlist with another tariff of this provider."""
+        if provider_id not in self.terms_of:
             return self
         return self._with_terms({provider_id: {"tariff": tariff}})
 

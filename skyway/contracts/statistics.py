@@ -40,6 +40,24 @@ class Span:
         return ms_to_moment(self.end_ms)
 
 
+def span_between(from_at: datetime, to_at: datetime, *, longest: timedelta | None = None) -> Span:
+    """The span of these moments.
+
+    Raises
+    ------
+    InvalidInput
+        It would end before it begins, or it is too long.
+    """
+    if from_at >= to_at:
+        raise InvalidInput(
+            "from", f"{from_at.isoformat()} must be before `to`, {to_at.isoformat()}"
+        )
+    if longest is not None and to_at - from_at > longest:
+        days, most = ((each / timedelta(days=1)) for each in (to_at - from_at, longest))
+        raise InvalidInput("to", f"the span is {days:.1f} days long; the limit is {most:g} days")
+    return Span(moment_to_ms(from_at), moment_to_ms(to_at))
+
+
 class SpanQuery(JsonModel):
     """``?from=&to=&provider_id=``; by default the day up to now."""
 
@@ -56,7 +74,4 @@ class SpanQuery(JsonModel):
             It would end before it begins.
         """
         to_at = self.to_at or now
-        from_at = self.from_at or max(EARLIEST, to_at - _DEFAULT_SPAN)
-        if from_at >= to_at:
-            raise InvalidInput("from", f"{from_at} must be before the end of the span, {to_at}")
-        return Span(moment_to_ms(from_at), moment_to_ms(to_at))
+        return span_between(self.from_at or max(EARLIEST, to_at - _DEFAULT_SPAN), to_at)

@@ -127,6 +127,17 @@ _ONE_ANSWER: Final = "idempotency_pkey"
 
 _FIRST_SERVER_ERROR: Final = 500
 
+
+@dataclass(frozen=True, slots=True)
+class KeyedCall:
+    """A caller's call of a route, and the Idempotency-Key under which it may be repeated."""
+
+    caller: str
+    route: str
+    key: str | None
+    body: bytes = field(repr=False)
+
+
 #: The act of a request, in the given transaction.
 Act = Callable[[Tx], Awaitable[Answer]]
 
@@ -203,16 +214,7 @@ async def sweep(db: Database, clock: FleetClock) -> int:
             return count
 
 
-async def once(
-    db: Database,
-    *,
-    caller: str,
-    route: str,
-    key: str | None,
-    body: bytes,
-    act: Act,
-    clock: FleetClock,
-) -> Answer:
+async def once(db: Database, call: KeyedCall, *, act: Act, clock: FleetClock) -> Answer:
     """The answer of `act`, or the stored answer to this caller's same call on this route.
 
     Without a key the act happens, and nothing is stored. A 5xx answer undoes the act and is not
@@ -225,9 +227,7 @@ async def once(
     InvalidInput
         The key is empty or longer than 255 characters.
     """
-    stored = (
-        None if key is None else StoredAnswer(KeySecrets.derive(caller, route, key), body, clock)
-    )
+    stored = _stored_answer(call, clock)
     try:
         return await _act(db, act, stored)
     except (SkywayError, _Failed) as error:
@@ -236,17 +236,13 @@ async def once(
             return previous
         if stored is not None and isinstance(error, RowRefused) and error.constraint == _ONE_ANSWER:
             await stored.delete_if_expired(db)
-            return await once(
-                db, caller=caller, route=route, key=key, body=body, act=act, clock=clock
-            )
+            return await once(db, call, act=act, clock=clock)
         if isinstance(error, _Failed):
             return error.answer
         raise
 
 
-async def answered_before(
-    db: Database, *, caller: str, route: str, key: str | None, body: bytes, clock: FleetClock
-) -> Answer | None:
+async def answered_before(db: Database, call: KeyedCall, *, clock: FleetClock) -> Answer | None:
     """The stored answer to this caller's same call; None without one, or without a key.
 
     A route that asks other services looks here first, so that a repeated call does not ask them
@@ -257,9 +253,15 @@ async def answered_before(
     IdempotencyKeyReused, InvalidInput
         As for `once`.
     """
-    if key is None:
+    stored = _stored_answer(call, clock)
+    return None if stored is None else await stored.load(db)
+
+
+def _stored_answer(call: KeyedCall, clock: FleetClock) -> StoredAnswer | None:
+    if call.key is None:
         return None
-    return await StoredAnswer(KeySecrets.derive(caller, route, key), body, clock).load(db)
+    secrets = KeySecrets.derive(call.caller, call.route, call.key)
+    return StoredAnswer(secrets, call.body, clock)
 
 
 async def _act(db: Database, act: Act, stored: StoredAnswer | None) -> Answer:

@@ -37,6 +37,6 @@ def account_file(user_name: str) -> str:
     return f"mqtt_{user_name}.hash"
 
 
-def peer_hash(secret: str) -> str:
-    """The hash of a service's secret, hexadecimal."""
+def secret_hash(secret: str) -> str:
+    """The hash that is stored of a random secret, and by which a shown one is looked up."""
     return hashlib.sha256(secret.encode()).hexdigest()

@@ -99,16 +99,6 @@ def test_a_broken_row_is_refused_where_it_arrives(column: str, value: list[objec
         Shortlist.model_validate({**whole, column: value})
 
 
-def test_drones_of_a_registry_that_sends_no_standby_fly_home() -> None:
-    older = Shortlist.of([make_candidate(1), make_candidate(2)]).model_dump(mode="json")
-    del older["standbys"]
-
-    arrived = Shortlist.model_validate(older)
-
-    assert [each.standby for each in arrived.candidates] == ["HOME", "HOME"]
-    assert arrived.only([1]).candidates == (make_candidate(2),)
-
-
 def test_some_rows_are_those_candidates_in_the_order_asked_for() -> None:
     candidates = [make_candidate(number, provider_id=f"prv_{number % 2}") for number in range(4)]
     shortlist = Shortlist.of(candidates)
@@ -129,4 +119,3 @@ def test_another_tariff_of_a_provider_holds_for_all_its_drones() -> None:
     assert changed.terms_of[ProviderId("prv_1")].tariff == Tariff(base=7)
     assert shortlist.terms_of[ProviderId("prv_1")].tariff == before
     assert shortlist.with_tariff(ProviderId("prv_9"), Tariff(base=7)) == shortlist
-    assert shortlist.with_tariff(ProviderId("prv_1"), None) == shortlist

@@ -10,7 +10,6 @@ from typing import Any, Self
 import pytest
 from skyway_drone_agent.enrolment.enrolled_drone import BrokerLogin, EnrolledDrone
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
-from skyway_drone_agent.journal.journal import MemoryJournal
 from skyway_drone_agent.journal.records import Answer
 from skyway_drone_agent.messages.inbox import Inbox
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
@@ -44,6 +43,7 @@ from skyway.ids import (
     ProviderId,
     StationId,
 )
+from tests.drone_agent.memory_journal import MemoryJournal
 
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
 

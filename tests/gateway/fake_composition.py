@@ -99,6 +99,7 @@ def make_terms(request: DeliveryRequest, candidate: Candidate, at: datetime) -> 
         drone_id=candidate.drone_id,
         drone_model_id=candidate.model.model_id,
         price=Price(amount=candidate.tariff.base, currency="USD"),
+        pickup_station_id=request.pickup.station_id,
         pickup_at=pickup_at,
         delivery_time_s=600.0 * len(request.packages),
         packages=tuple(
@@ -112,6 +113,7 @@ def make_terms(request: DeliveryRequest, candidate: Candidate, at: datetime) -> 
         recharges=1,
         recharging_s=120.0,
         waiting_s=60.0,
+        ways=(),
         margins=Margins(energy_margin=0.15, pad_gap_s=120.0),
         score=1.0,
     )

@@ -13,7 +13,6 @@ from typing import Any, Final
 import httpx
 from pydantic import AnyHttpUrl, TypeAdapter, ValidationError
 from skyway_gateway.access.api_key import ApiKey, KeyRole
-from skyway_gateway.access.recognise import secret_hash
 from skyway_gateway.access.store import add as add_key
 from skyway_gateway.app import gateway_app, take_over
 from skyway_gateway.build_parts import build_parts
@@ -39,6 +38,7 @@ from skyway.runtime.clock import AnchoredClock, ManualClock
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceIdentity
+from skyway.runtime.peer_secrets import secret_hash
 from tests.broken_rules import broken_rules
 from tests.gateway.fake_composition import STATIONS, FakeComposition
 from tests.gateway.peers import FakeRegistry, Forwarded, Peers

@@ -109,15 +109,6 @@ _COUNT_ENTRY: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class AuditFilter:
-    """Which entries a list shows; `path` is the beginning of their paths."""
-
-    role: AuditRole | None = None
-    subject_id: SubjectId | None = None
-    path: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class RefusedLogin:
     """An entry about a refused key; `source` is written once in each `minute` of wall time."""
 
@@ -161,21 +152,36 @@ def entry_hash(previous: str, row: Mapping[str, Any]) -> str:
     return next_hash(previous, json.dumps([row[name] for name in _HASHED]))
 
 
-async def page(
-    connection: AsyncConnection, query: PageQuery, requested: AuditFilter
-) -> Sequence[AuditEntry]:
+class AuditQuery(PageQuery):
+    """The query of the audit log; `path` is how the entries' paths begin."""
+
+    role: Annotated[AuditRole | None, Field(description="Only calls of this role.")] = None
+    subject_id: Annotated[
+        SubjectId | None, Field(description="Only calls of this provider or operator.")
+    ] = None
+    path: Annotated[
+        str | None,
+        Field(
+            min_length=1,
+            max_length=LONGEST_PATH,
+            description="Only calls whose path begins with this text.",
+        ),
+    ] = None
+
+
+async def page(connection: AsyncConnection, query: AuditQuery) -> Sequence[AuditEntry]:
     """Up to limit + 1 entries, the newest first."""
     statement = select(audit)
-    if requested.role is not None:
-        statement = statement.where(audit.c.role == requested.role)
-    if requested.subject_id is not None:
-        statement = statement.where(audit.c.subject_id == requested.subject_id)
-    if requested.path is not None:
+    if query.role is not None:
+        statement = statement.where(audit.c.role == query.role)
+    if query.subject_id is not None:
+        statement = statement.where(audit.c.subject_id == query.subject_id)
+    if query.path is not None:
         # Not LIKE: on SQLite it ignores case.
-        begins = func.substr(audit.c.path, 1, len(requested.path)) == requested.path
+        begins = func.substr(audit.c.path, 1, len(query.path)) == query.path
         statement = statement.where(begins)
-    if (after := query.after(str)) is not None:
-        statement = statement.where(audit.c.entry_id < after[0])
+    if (after := query.after_id()) is not None:
+        statement = statement.where(audit.c.entry_id < after)
     statement = statement.order_by(audit.c.entry_id.desc()).limit(query.limit + 1)
     return [_entry(row) for row in await connection.execute(statement)]
 

@@ -16,15 +16,15 @@ from skyway.ids import KeyId, ProviderId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, Unauthenticated
 from skyway.runtime.http.identity import Caller, KeyHolder
-from skyway.runtime.idempotency_store import Answer, once
+from skyway.runtime.idempotency_store import Answer, KeyedCall, once
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
-from skyway.runtime.peer_secrets import read_secret
+from skyway.runtime.peer_secrets import read_secret, secret_hash
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access import account_store, rotation_store, store
 from skyway_gateway.access.api_key import ApiKey, BrokerLogin, IssuedKey, KeyRole, NewKey
 from skyway_gateway.access.broker_accounts import Accounts, BrokerAccounts, new_login
-from skyway_gateway.access.recognise import CachedKeys, secret_hash
+from skyway_gateway.access.recognise import CachedKeys
 from skyway_gateway.access.usage import UsageQuota
 
 _PREFIX: Final = "sk_"
@@ -89,9 +89,7 @@ class Keys:
                     key = self._key(NewKey(role=role, subject_id=SubjectId(subject_id)))
                     await store.add_if_new(tx, key, key_hash=secret_hash(secret))
 
-    async def issue(
-        self, holder: KeyHolder, requested: NewKey, *, idempotency_key: str | None, body: bytes
-    ) -> Answer:
+    async def issue(self, holder: KeyHolder, requested: NewKey, call: KeyedCall) -> Answer:
         """A new key, with a broker account for people; only this answer shows the secrets.
 
         Raises
@@ -119,15 +117,7 @@ class Keys:
             location = {"Location": f"/v1/keys/{issued.key_id}"}
             return Answer(201, issued.model_dump_json().encode(), location)
 
-        answer = await once(
-            self._db,
-            caller=str(holder.caller),
-            route="POST /v1/keys",
-            key=idempotency_key,
-            body=body,
-            act=write,
-            clock=self._clock,
-        )
+        answer = await once(self._db, call, act=write, clock=self._clock)
         await self._broker.open(IssuedKey.read(answer.body))
         return answer
 
@@ -159,9 +149,7 @@ class Keys:
         await store.add(tx, key, key_hash=secret_hash(secret), is_account_open=is_open)
         return IssuedKey(**dict(key), key=secret, mqtt=new_login(requested))
 
-    async def rotate(
-        self, holder: KeyHolder, *, idempotency_key: str | None, body: bytes
-    ) -> Answer:
+    async def rotate(self, holder: KeyHolder, call: KeyedCall) -> Answer:
         """The next key of a key, with the same name, scopes and expiry; shown only in this answer.
 
         The present key ends when the next one is first used, at the latest after a day. Another
@@ -207,16 +195,7 @@ class Keys:
             tx.after_commit(self._cached.forget)
             return Answer(201, issued.model_dump_json().encode())
 
-        answer = await once(
-            self._db,
-            # The answer belongs to this key: another key of the caller must not get it.
-            caller=f"{caller}:{key_id}",
-            route="POST /v1/keys/rotations",
-            key=idempotency_key,
-            body=body,
-            act=write,
-            clock=self._clock,
-        )
+        answer = await once(self._db, call, act=write, clock=self._clock)
         await self._broker.open(IssuedKey.read(answer.body))
         return answer
 

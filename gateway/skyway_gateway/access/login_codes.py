@@ -7,10 +7,11 @@ from typing import Final
 from skyway.ids import KeyId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import KeyHolder, RefusedKey
+from skyway.runtime.peer_secrets import secret_hash
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access import session_link_store
 from skyway_gateway.access.keys_in_use import KeysInUse
-from skyway_gateway.access.recognise import CachedKeys, secret_hash
+from skyway_gateway.access.recognise import CachedKeys
 
 #: Where the console reads the code; browsers do not send what follows `#`.
 _LOGIN_PATH: Final = "/console#login="

@@ -5,7 +5,6 @@ that this process deletes stops immediately; a key that another replica deletes 
 second. A key with an expiry stops when its moment has come.
 """
 
-import hashlib
 from datetime import timedelta
 from typing import Final, Protocol
 
@@ -15,6 +14,7 @@ from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey
 from skyway.runtime.http.session_cookie import SESSION_PREFIX
+from skyway.runtime.peer_secrets import secret_hash
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import rotation_store, store
 from skyway_gateway.access.keys_in_use import KeysInUse
@@ -23,11 +23,6 @@ from skyway_gateway.access.store import StoredKey, StoredLookUp
 #: How long a key is cached, wall time.
 _KEPT: Final = timedelta(seconds=0.5)
 _MOST_CACHED: Final = 10_000
-
-
-def secret_hash(secret: str) -> str:
-    """The hash of an API key: it is stored instead of the key, and finds a shown key."""
-    return hashlib.sha256(secret.encode()).hexdigest()
 
 
 class CachedKeys:

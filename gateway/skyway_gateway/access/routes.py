@@ -4,22 +4,21 @@ from typing import Annotated
 
 from fastapi import Depends, Query, Request, Response
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
-from pydantic import Field
 
-from skyway.ids import KeyId, SubjectId
+from skyway.ids import KeyId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Unauthenticated
-from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
+from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
 from skyway.runtime.http.identity import Caller, KeyHolder
-from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.paging import Page, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import audit_store, store
-from skyway_gateway.access.api_key import ApiKey, IssuedKey, KeyRole, NewKey
-from skyway_gateway.access.audit_store import LONGEST_PATH, AuditEntry, AuditFilter, AuditRole
+from skyway_gateway.access.api_key import ApiKey, IssuedKey, NewKey
+from skyway_gateway.access.audit_store import AuditEntry, AuditQuery
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.scopes import require_scope
-from skyway_gateway.access.store import KeyFilter
+from skyway_gateway.access.store import KeyListQuery
 
 _bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a drone's: dk_...")
 
@@ -75,15 +74,6 @@ def holder_of(request: Request) -> KeyHolder:
     return holder
 
 
-class KeyListQuery(PageQuery):
-    """The query of the list of keys."""
-
-    role: Annotated[KeyRole | None, Field(description="Only keys of this role.")] = None
-    subject_id: Annotated[
-        SubjectId | None, Field(description="Only keys of this customer, provider or operator.")
-    ] = None
-
-
 def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) -> ServiceRouter:
     """POST, GET and DELETE /v1/keys, for operators; POST /v1/keys/rotations, for each holder."""
     router = ServiceRouter(tags=("keys",))
@@ -107,13 +97,8 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
         Callers: operator.
         """
         caller.must_be("operator")
-        answer = await keys.issue(
-            holder_of(request),
-            requested,
-            idempotency_key=idempotency_key,
-            body=await request.body(),
-        )
-        return response_of(answer)
+        call = await keyed_call(request, caller, idempotency_key)
+        return response_of(await keys.issue(holder_of(request), requested, call))
 
     @router.post("/v1/keys/rotations", status_code=201, response_model=IssuedKey)
     async def rotate_key(
@@ -129,10 +114,10 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
         Callers: customer, provider, operator.
         """
         caller.must_be("customer", "provider", "operator")
-        answer = await keys.rotate(
-            holder_of(request), idempotency_key=idempotency_key, body=await request.body()
-        )
-        return response_of(answer)
+        holder = holder_of(request)
+        # The answer belongs to this key: another key of the caller must not get it.
+        call = await keyed_call(request, f"{caller}:{holder.key_id}", idempotency_key)
+        return response_of(await keys.rotate(holder, call))
 
     @router.get("/v1/keys")
     async def list_keys(
@@ -143,9 +128,8 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
         Callers: operator.
         """
         caller.must_be("operator")
-        filters = KeyFilter(query.role, query.subject_id)
         async with db.read() as connection:
-            found = await store.page(connection, query, filters, at=clock.wall_now())
+            found = await store.page(connection, query, at=clock.wall_now())
         return page_of(found, query, item=lambda key: key, sort_key=lambda key: (key.key_id,))
 
     @router.get("/v1/keys/{key_id}")
@@ -171,23 +155,6 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
     return router
 
 
-class AuditQuery(PageQuery):
-    """The query of the audit log; `path` is how the entries' paths begin."""
-
-    role: Annotated[AuditRole | None, Field(description="Only calls of this role.")] = None
-    subject_id: Annotated[
-        SubjectId | None, Field(description="Only calls of this provider or operator.")
-    ] = None
-    path: Annotated[
-        str | None,
-        Field(
-            min_length=1,
-            max_length=LONGEST_PATH,
-            description="Only calls whose path begins with this text.",
-        ),
-    ] = None
-
-
 def audit_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
     """GET /v1/audit."""
     router = ServiceRouter(tags=("audit",))
@@ -201,9 +168,8 @@ def audit_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
         Callers: operator.
         """
         caller.must_be("operator")
-        filters = AuditFilter(query.role, query.subject_id, query.path)
         async with db.survey() as connection:
-            found = await audit_store.page(connection, query, filters)
+            found = await audit_store.page(connection, query)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.entry_id,))
 
     return router

@@ -20,11 +20,12 @@ from skyway.runtime.http.session_cookie import (
     session_in,
     set_session,
 )
+from skyway.runtime.peer_secrets import secret_hash
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import session_store
 from skyway_gateway.access.api_key import KeyRole
 from skyway_gateway.access.login_codes import LoginCodes
-from skyway_gateway.access.recognise import CachedKeys, secret_hash
+from skyway_gateway.access.recognise import CachedKeys
 from skyway_gateway.access.routes import KeyGate, admitted, caller_with_key, holder_of
 
 #: How long a session lasts, wall time.

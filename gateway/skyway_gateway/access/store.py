@@ -4,8 +4,9 @@ import json
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Final
+from typing import Annotated, Final
 
+from pydantic import Field
 from sqlalchemy import (
     Column,
     ColumnElement,
@@ -66,12 +67,13 @@ _SHOWN: Final = _STORED.where(api_keys.c.key_hash == bindparam("key_hash"))
 _OF_SESSION: Final = _STORED.where(api_keys.c.key_id == bindparam("key_id"))
 
 
-@dataclass(frozen=True, slots=True)
-class KeyFilter:
-    """Which keys a list shows."""
+class KeyListQuery(PageQuery):
+    """The query of the list of keys."""
 
-    role: KeyRole | None = None
-    subject_id: SubjectId | None = None
+    role: Annotated[KeyRole | None, Field(description="Only keys of this role.")] = None
+    subject_id: Annotated[
+        SubjectId | None, Field(description="Only keys of this customer, provider or operator.")
+    ] = None
 
 
 async def add(
@@ -147,16 +149,16 @@ async def used(
 
 
 async def page(
-    connection: AsyncConnection, query: PageQuery, requested: KeyFilter, *, at: datetime
+    connection: AsyncConnection, query: KeyListQuery, *, at: datetime
 ) -> Sequence[ApiKey]:
     """Up to limit + 1 keys that are in use, sorted by id."""
     statement = select(api_keys).where(_is_in_use(at))
-    if requested.role is not None:
-        statement = statement.where(api_keys.c.role == requested.role)
-    if requested.subject_id is not None:
-        statement = statement.where(api_keys.c.subject_id == requested.subject_id)
-    if (after := query.after(str)) is not None:
-        statement = statement.where(api_keys.c.key_id > after[0])
+    if query.role is not None:
+        statement = statement.where(api_keys.c.role == query.role)
+    if query.subject_id is not None:
+        statement = statement.where(api_keys.c.subject_id == query.subject_id)
+    if (after := query.after_id()) is not None:
+        statement = statement.where(api_keys.c.key_id > after)
     statement = statement.order_by(api_keys.c.key_id).limit(query.limit + 1)
     return [_key(row) for row in await connection.execute(statement)]
 

@@ -11,7 +11,7 @@ from fastapi.responses import StreamingResponse
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
-from skyway.runtime.http.answers import IdempotencyKey, response_of
+from skyway.runtime.http.answers import IdempotencyKey, keyed_call, response_of
 from skyway.runtime.http.body_bounds import BodyLimit
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.client_disconnect import cancel_on_disconnect, refuse_gone
@@ -145,7 +145,10 @@ def provider_routes(
     ) -> Response:
         """Register a provider; the answer also holds `key_id` and `key`, shown only here."""
         caller.must_be("operator")
-        holder, body = holder_of(request), await request.body()
+        holder = holder_of(request)
+        # A key with limits gets a key with its own limits, not one that another key made.
+        asked_by = f"{caller}:{holder.key_id}" if holder.is_limited else caller
+        call = await keyed_call(request, asked_by, idempotency_key)
         made = await registry.forward(request, _PROVIDERS, caller)
         if made.status_code != HTTPStatus.CREATED:
             return made
@@ -159,17 +162,7 @@ def provider_routes(
             return Answer(201, json.dumps(answer).encode(), location)
 
         # The registry answers the same call the same; so does this, with the same key.
-        answer = await once(
-            db,
-            # A key with limits gets a key with its own limits, not one that another key made.
-            caller=f"{caller}:{holder.key_id}" if holder.is_limited else str(caller),
-            route=f"POST {_PROVIDERS}",
-            key=idempotency_key,
-            body=body,
-            act=add_key,
-            clock=clock,
-        )
-        return response_of(answer)
+        return response_of(await once(db, call, act=add_key, clock=clock))
 
     return router
 

@@ -12,7 +12,7 @@ from skyway.contracts.delivery_event_examples import delivery_event_examples
 from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
 from skyway.ids import SubjectId, WebhookId
 from skyway.runtime.clock import AnchoredClock, FleetClock
-from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
+from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter, operation_id
@@ -131,16 +131,8 @@ def webhook_routes(
             location = {"Location": f"/v1/webhooks/{webhook.webhook_id}"}
             return Answer(201, webhook.model_dump_json().encode(), location)
 
-        answer = await once(
-            db,
-            caller=str(caller),
-            route="POST /v1/webhooks",
-            key=idempotency_key,
-            body=await request.body(),
-            act=keep,
-            clock=clock,
-        )
-        return response_of(answer)
+        call = await keyed_call(request, caller, idempotency_key)
+        return response_of(await once(db, call, act=keep, clock=clock))
 
     @router.get("/v1/webhooks")
     async def list_webhooks(

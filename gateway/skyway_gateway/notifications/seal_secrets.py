@@ -1,8 +1,8 @@
 """Encrypts the stored secrets that the first key has not encrypted yet.
 
-It runs at the start, for secrets of an earlier version and after the keys were changed, and again
-from time to time. Each row is written only if it is as it was read: replicas may do the same
-concurrently, and a process that ends in between leaves rows that can be read, old or new.
+It runs at the start, because the keys may have been changed, and again from time to time. Each row
+is written only if it is as it was read: replicas may do the same concurrently, and a process that
+ends in between leaves rows that can be read, old or new.
 """
 
 import logging

@@ -10,7 +10,7 @@ from skyway.ids import WebhookId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
-from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
+from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency_store import Answer, once
@@ -93,15 +93,7 @@ def secret_routes(
             shown = RotatedSecret(webhook_id=webhook_id, secret=secret, previous_until=until)
             return Answer(201, shown.model_dump_json().encode())
 
-        answer = await once(
-            db,
-            caller=str(caller),
-            route=f"POST /v1/webhooks/{webhook_id}/secret-rotations",
-            key=idempotency_key,
-            body=await request.body(),
-            act=write,
-            clock=clock,
-        )
-        return response_of(answer)
+        call = await keyed_call(request, caller, idempotency_key)
+        return response_of(await once(db, call, act=write, clock=clock))
 
     return router

@@ -21,7 +21,6 @@ from skyway.errors import SkywayError
 from skyway.ids import WebhookId
 from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.peer_secrets import read_secret
-from skyway_gateway.notifications.webhook import signing_key
 
 KEYS_FILE: Final = "webhook_keys"
 
@@ -71,7 +70,7 @@ class SecretVault:
         return self.prefix + base64.urlsafe_b64encode(sealed).decode()
 
     def open(self, stored: str, webhook_id: WebhookId) -> str:
-        """The secret of a webhook; one that an earlier version stored is not encrypted yet.
+        """The secret of a webhook.
 
         Raises
         ------
@@ -80,7 +79,7 @@ class SecretVault:
         """
         found = _FORM.fullmatch(stored)
         if found is None:
-            return _plain(stored)
+            raise UnreadableSecret("it is not a secret")
         box = self._boxes.get(found[1])
         if box is None:
             raise UnreadableSecret(f"{KEYS_FILE} does not hold the key {found[1]}")
@@ -98,21 +97,11 @@ def read_stored_secret(stored: str) -> str:
     Raises
     ------
     ValueError
-        It is neither encrypted nor a signing secret of an earlier version.
+        It is not encrypted.
     """
     found = _FORM.fullmatch(stored)
-    if found is None:
-        signing_key(stored)
-    elif len(base64.urlsafe_b64decode(found[2])) <= _NONCE_BYTES + _TAG_BYTES:
+    if found is None or len(base64.urlsafe_b64decode(found[2])) <= _NONCE_BYTES + _TAG_BYTES:
         raise ValueError("not a whole encrypted secret")
-    return stored
-
-
-def _plain(stored: str) -> str:
-    try:
-        signing_key(stored)
-    except ValueError as error:
-        raise UnreadableSecret("it is not a secret") from error
     return stored
 
 

@@ -81,8 +81,8 @@ async def webhooks_page(
 ) -> Sequence[Webhook]:
     """Up to limit + 1 of the caller's webhooks, sorted by id."""
     statement = select(webhooks).where(owned(caller, webhooks.c.customer_id))
-    if (after := query.after(str)) is not None:
-        statement = statement.where(webhooks.c.webhook_id > after[0])
+    if (after := query.after_id()) is not None:
+        statement = statement.where(webhooks.c.webhook_id > after)
     statement = statement.order_by(webhooks.c.webhook_id).limit(query.limit + 1)
     return [_webhook(row) for row in await connection.execute(statement)]
 
@@ -211,8 +211,8 @@ async def attempts_page(
 ) -> Sequence[WebhookAttempt]:
     """Up to limit + 1 attempts of a webhook, the newest first."""
     statement = select(webhook_attempts).where(webhook_attempts.c.webhook_id == webhook_id)
-    if (after := query.after(str)) is not None:
-        statement = statement.where(webhook_attempts.c.attempt_id < after[0])
+    if (after := query.after_id()) is not None:
+        statement = statement.where(webhook_attempts.c.attempt_id < after)
     statement = statement.order_by(webhook_attempts.c.attempt_id.desc()).limit(query.limit + 1)
     return [_attempt(row) for row in await connection.execute(statement)]
 

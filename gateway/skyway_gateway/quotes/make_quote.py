@@ -18,7 +18,7 @@ from skyway.ids import HoldId, OfferId, QuoteId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.idempotency_store import Answer, answered_before, once
+from skyway.runtime.idempotency_store import Answer, KeyedCall, answered_before, once
 from skyway.runtime.limits import FairQueue
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
@@ -50,8 +50,6 @@ class QuoteRequest(DeliveryRequest):
 
 
 _OF_DELIVERY: Final = tuple(DeliveryRequest.model_fields)
-
-_ROUTE: Final = "POST /v1/quotes"
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,9 +88,7 @@ class QuoteMaker:
         self,
         caller: Caller,
         requested: QuoteRequest,
-        *,
-        idempotency_key: str | None,
-        body: bytes,
+        call: KeyedCall,
     ) -> Answer:
         """201 with the quote, which has no offers when no provider can serve the request.
 
@@ -110,14 +106,7 @@ class QuoteMaker:
         """
         if requested.hold:
             # A repeated call must not hold other drones.
-            before = await answered_before(
-                self.db,
-                caller=str(caller),
-                route=_ROUTE,
-                key=idempotency_key,
-                body=body,
-                clock=self.clock,
-            )
+            before = await answered_before(self.db, call, clock=self.clock)
             if before is not None:
                 return before
         try:
@@ -136,15 +125,7 @@ class QuoteMaker:
             location = {"Location": f"/v1/quotes/{quote.quote_id}"}
             return Answer(201, quote.model_dump_json().encode(), location)
 
-        answer = await once(
-            self.db,
-            caller=str(caller),
-            route=_ROUTE,
-            key=idempotency_key,
-            body=body,
-            act=write,
-            clock=self.clock,
-        )
+        answer = await once(self.db, call, act=write, clock=self.clock)
         if written:
             _count(written[0])
         elif isinstance(made, _Made) and made.hold_id is not None:

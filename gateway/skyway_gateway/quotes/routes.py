@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import Depends, Request, Response
 
 from skyway.ids import QuoteId
-from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
+from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
@@ -36,10 +36,8 @@ def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRo
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        answer = await maker.make(
-            caller, requested, idempotency_key=idempotency_key, body=await request.body()
-        )
-        return response_of(answer)
+        call = await keyed_call(request, caller, idempotency_key)
+        return response_of(await maker.make(caller, requested, call))
 
     @router.get("/v1/quotes/{quote_id}")
     async def get_quote(quote_id: QuoteId, caller: Annotated[Caller, Depends(gate)]) -> Quote:

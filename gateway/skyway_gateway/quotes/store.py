@@ -64,12 +64,12 @@ class Offer(OfferTerms):
         tuple[OfferedPackage, ...], Field(description="When each package is expected.")
     ]
     tariff: Annotated[
-        Tariff | None,
+        Tariff,
         Field(
             description="The provider's tariff when the offer was made, by which an accepted offer "
-            "is booked; null for offers of an earlier version."
+            "is booked."
         ),
-    ] = None
+    ]
     late_share: Annotated[
         float | None,
         Field(

@@ -219,7 +219,6 @@ async def page_of_kind(
     caller.must_be("customer", "provider", "operator", "service")
     if station_id is not None:
         await closings.around(station_id)
-    after = query.after(str)
     chosen = ClosureFilter(
         kind=kind,
         lasting_beyond_ms=None if query.all else closings.now_ms,
@@ -229,7 +228,7 @@ async def page_of_kind(
     )
     async with closings.db.read() as connection:
         rows = await store.page(
-            connection, chosen, after=str(after[0]) if after else "", limit=query.limit + 1
+            connection, chosen, after=query.after_id() or "", limit=query.limit + 1
         )
     return page_of(rows, query, item=shown, sort_key=lambda row: (row.closure_id,))
 

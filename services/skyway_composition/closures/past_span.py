@@ -7,10 +7,8 @@ from pydantic import Field
 
 from skyway.bounds import EARLIEST
 from skyway.contracts.message import FleetMoment
-from skyway.contracts.statistics import Span
-from skyway.errors import InvalidInput
+from skyway.contracts.statistics import Span, span_between
 from skyway.json_model import JsonModel
-from skyway.units import moment_to_ms
 
 #: The longest span of one call. Our own choice.
 LONGEST_REPLAY: Final = timedelta(days=1)
@@ -43,9 +41,4 @@ class PastSpanQuery(JsonModel):
         """
         to_at = self.to_at or now
         from_at = self.from_at or max(EARLIEST, to_at - _DEFAULT)
-        if from_at >= to_at:
-            detail = f"{from_at.isoformat()} must be before `to`, {to_at.isoformat()}"
-            raise InvalidInput("from", detail)
-        if to_at - from_at > LONGEST_REPLAY:
-            raise InvalidInput("to", "the span is longer than a day")
-        return Span(moment_to_ms(from_at), moment_to_ms(to_at))
+        return span_between(from_at, to_at, longest=LONGEST_REPLAY)

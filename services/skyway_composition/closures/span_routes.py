@@ -27,10 +27,10 @@ def span_routes(*, gate: ServiceGate, closings: Closings) -> ServiceRouter:
     ) -> Page[ClosureInfo]:
         """List the closures of every kind that were in force in a span of at most a day."""
         caller.must_be("customer", "provider", "operator", "service")
-        span, after = query.span(closings.clock.now()), query.after(str)
+        span = query.span(closings.clock.now())
         async with closings.db.read() as connection:
             rows = await store.page_in_span(
-                connection, span, after=str(after[0]) if after else "", limit=query.limit + 1
+                connection, span, after=query.after_id() or "", limit=query.limit + 1
             )
         return page_of(rows, query, item=shown, sort_key=lambda row: (row.closure_id,))
 

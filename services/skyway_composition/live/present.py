@@ -2,7 +2,14 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, ReturnStep
+from skyway.contracts.flight_step import (
+    DeliverStep,
+    FlyStep,
+    PickUpStep,
+    ReturnStep,
+    end_of,
+    packages_of,
+)
 from skyway.contracts.live import (
     LiveAlarm,
     LiveClosure,
@@ -64,9 +71,9 @@ def _on_board(steps: Sequence[StepRecord]) -> set[PackageId]:
     for each in steps:
         if each.status == "ENDED":
             if isinstance(each.step, PickUpStep):
-                found |= {package.package_id for package in each.step.packages}
-            elif isinstance(each.step, DeliverStep | ReturnStep):
-                found -= set(each.step.package_ids)
+                found |= set(packages_of(each.step))
+            else:
+                found -= set(packages_of(each.step))
     return found
 
 
@@ -95,25 +102,15 @@ def _live_steps(steps: Sequence[StepRecord]) -> Iterator[LiveStep]:
             step_id=step.step_id,
             kind=step.kind,
             status=each.status,
-            station_id=step.to_id if isinstance(step, FlyStep) else step.station_id,
+            station_id=end_of(step),
             position=place,
             from_position=start,
             pad=getattr(step, "pad", None),
             lands=step.lands if isinstance(step, FlyStep) else None,
             start_at=(event and event.started_at) or step.planned_start_at,
             end_at=step.planned_end_at if event is None else event.ended_at,
-            package_ids=_packages_of(each),
+            package_ids=packages_of(step),
         )
-
-
-def _packages_of(each: StepRecord) -> tuple[PackageId, ...]:
-    match each.step:
-        case PickUpStep():
-            return tuple(package.package_id for package in each.step.packages)
-        case DeliverStep() | ReturnStep():
-            return each.step.package_ids
-        case _:
-            return ()
 
 
 def live_station(

@@ -12,7 +12,14 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from skyway.contracts.drone_report import Connection, DroneEvent, DroneState
-from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, PickUpStep, ReturnStep
+from skyway.contracts.flight_step import (
+    DeliverStep,
+    FlightStep,
+    FlyStep,
+    ReturnStep,
+    end_of,
+    packages_of,
+)
 from skyway.contracts.mission import OPEN_MISSION_STATES, Mission
 from skyway.contracts.track import Track, TrackedMission, TrackedStep
 from skyway.geo import Position
@@ -66,7 +73,7 @@ async def track_of(db: Database, delivery_id: DeliveryId) -> Track:
             for record in reversed(records)
             if record.mission.state != "REFUSED"
         ]
-        named = {_station_of(each.step) for one in flown for each in one.steps}
+        named = {end_of(each.step) for one in flown for each in one.steps}
         stations = await stations_named(connection, named)
     now = {each: row.position for each, row in stations.items()}
     return Track(missions=tuple(_tracked(each, now) for each in flown))
@@ -111,7 +118,7 @@ def _tracked(flown: _Flown, now: Mapping[StationId, Position]) -> TrackedMission
             _tracked_step(step, state, positions)
             for step in flown.steps
             # A station that left the network, where nothing has happened yet, cannot be drawn.
-            if _station_of(step.step) in positions
+            if end_of(step.step) in positions
         ),
         position=None if seen is None else seen.position,
         position_at=None if seen is None else seen.at,
@@ -164,7 +171,7 @@ def _tracked_step(
 ) -> TrackedStep:
     step, event, status = record.step, record.event, record.status
     is_under_way = state is not None and state.step_id == step.step_id
-    station_id = _station_of(step)
+    station_id = end_of(step)
     there = positions[station_id]
     return TrackedStep(
         kind=step.kind,
@@ -174,22 +181,8 @@ def _tracked_step(
         station_id=station_id,
         start_at=(event and event.started_at) or step.planned_start_at,
         end_at=step.planned_end_at if event is None else event.ended_at,
-        package_ids=_packages_of(step),
+        package_ids=packages_of(step),
     )
-
-
-def _station_of(step: FlightStep) -> StationId:
-    return step.to_id if isinstance(step, FlyStep) else step.station_id
-
-
-def _packages_of(step: FlightStep) -> tuple[PackageId, ...]:
-    match step:
-        case PickUpStep():
-            return tuple(package.package_id for package in step.packages)
-        case DeliverStep() | ReturnStep():
-            return step.package_ids
-        case _:
-            return ()
 
 
 class StepProgress(JsonModel):

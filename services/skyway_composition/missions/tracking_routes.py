@@ -104,12 +104,11 @@ def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
             drone_id=_own_drone(caller) or query.drone_id,
             loading=query.loading,
         )
-        after = query.after(str)
         async with db.read() as connection:
             rows = await store.page(
                 connection,
                 shown,
-                before=str(after[0]) if after else None,
+                before=query.after_id(),
                 limit=query.limit + 1,
             )
             steps = await next_steps_of(connection, [record.mission_id for record in rows])

@@ -115,11 +115,10 @@ def network_routes(
     ) -> Page[NetworkInfo]:
         """List all networks with their current versions."""
         _must_be_reader(caller)
-        after = query.after(str)
         async with db.read() as connection:
             rows = await store.current_after(
                 connection,
-                str(after[0]) if after else "",
+                query.after_id() or "",
                 without=networks.own.foreign,
                 limit=query.limit + 1,
             )

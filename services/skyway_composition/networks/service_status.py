@@ -138,7 +138,7 @@ async def closed_to_models(
     """What the weather closes now, by the models of the drones that are online."""
     found: dict[DroneModelId, ClosedNow] = {}
     for each in drones.models:
-        if weather is None or each.model is None or not each.online:
+        if weather is None or not each.online:
             continue
         if await weather.of_plan(each.model, now_ms) is None:
             continue

@@ -94,12 +94,11 @@ def station_routes(
         """List the stations of the current version by id, all or those in a `bbox`."""
         caller.must_be("customer", "provider", "operator", "service", "drone")
         await current_row(db, network_id)
-        after = query.after(str)
         async with db.read() as connection:
             rows = await stations_after(
                 connection,
                 network_id,
-                str(after[0]) if after else "",
+                query.after_id() or "",
                 box=query.box,
                 limit=query.limit + 1,
             )

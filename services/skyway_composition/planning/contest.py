@@ -148,12 +148,10 @@ def _twins_among(shortlist: Shortlist, openings: Mapping[DroneId, Opening]) -> n
         shortlist.station_ids,
         shortlist.socs,
         shortlist.home_station_ids,
-        shortlist.each_standby,
+        shortlist.standbys,
         (
             provider_id if standby == "NEXT_PICKUP" else None
-            for provider_id, standby in zip(
-                shortlist.provider_ids, shortlist.each_standby, strict=True
-            )
+            for provider_id, standby in zip(shortlist.provider_ids, shortlist.standbys, strict=True)
         ),
         map(openings.get, shortlist.drone_ids),
         strict=True,

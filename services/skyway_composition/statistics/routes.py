@@ -43,14 +43,13 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
     ) -> PadStatistics:
         """How the pads of each station were used in a span; a provider sees its own drones' use."""
         selection = _selection(caller, query, clock)
-        after = query.after(str)
         async with db.survey() as connection:
             total = await store.pad_sums(connection, selection, query.network_id)
             rows = await store.pads_page(
                 connection,
                 selection,
                 query.network_id,
-                after=None if after is None else str(after[0]),
+                after=query.after_id(),
                 limit=query.limit + 1,
             )
         elapsed_s = _elapsed_s(selection.span, clock)
@@ -78,13 +77,12 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
     ) -> DroneStatistics:
         """How each drone was used in a span; drones that did not fly are not listed."""
         selection = _selection(caller, query, clock)
-        after = query.after(str)
         async with db.survey() as connection:
             total = await store.drone_sums(connection, selection)
             rows = await store.drones_page(
                 connection,
                 selection,
-                after=None if after is None else str(after[0]),
+                after=query.after_id(),
                 limit=query.limit + 1,
             )
         elapsed_s = _elapsed_s(selection.span, clock)

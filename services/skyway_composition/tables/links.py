@@ -15,6 +15,7 @@ from sqlalchemy import (
     text,
 )
 
+from skyway.runtime.sql.partial_index import partial_index
 from skyway_composition.tables.networks import metadata
 
 #: The instructions to drones, and how the drones answered.
@@ -70,10 +71,5 @@ drone_links = Table(
         postgresql_where=text("is_occupied"),
     ),
     # Finds held drones without reading the links of all others.
-    Index(
-        "drone_links_held",
-        "drone_id",
-        sqlite_where=text("held_by IS NOT NULL"),
-        postgresql_where=text("held_by IS NOT NULL"),
-    ),
+    partial_index("drone_links_held", "drone_id", where="held_by IS NOT NULL"),
 )

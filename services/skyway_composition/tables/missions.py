@@ -18,11 +18,11 @@ from sqlalchemy import (
     literal_column,
     or_,
     select,
-    text,
 )
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.runtime.sql.claims import claim_columns
+from skyway.runtime.sql.partial_index import partial_index
 from skyway_composition.tables.networks import metadata
 
 #: One row for each delivery that was booked or closed; booking and closing both lock this row.
@@ -80,34 +80,16 @@ missions = Table(
     *claim_columns(),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
     # I2: a drone is on at most one mission.
-    Index(
-        "mission_drone",
-        "drone_id",
-        unique=True,
-        sqlite_where=text("state IN ('BOOKED', 'ACCEPTED', 'ACTIVE')"),
-        postgresql_where=text("state IN ('BOOKED', 'ACCEPTED', 'ACTIVE')"),
+    partial_index(
+        "mission_drone", "drone_id", unique=True, where="state IN ('BOOKED', 'ACCEPTED', 'ACTIVE')"
     ),
-    Index(
-        "missions_queued",
-        "drone_id",
-        "start_ms",
-        sqlite_where=text("state = 'QUEUED'"),
-        postgresql_where=text("state = 'QUEUED'"),
-    ),
-    Index(
-        "missions_to_join",
-        "pooling_at",
-        sqlite_where=text("state = 'QUEUED' AND pooling_at IS NOT NULL"),
-        postgresql_where=text("state = 'QUEUED' AND pooling_at IS NOT NULL"),
+    partial_index("missions_queued", "drone_id", "start_ms", where="state = 'QUEUED'"),
+    partial_index(
+        "missions_to_join", "pooling_at", where="state = 'QUEUED' AND pooling_at IS NOT NULL"
     ),
     Index("missions_by_state", "state", "released_ms"),
     Index("missions_by_provider", "provider_id", "mission_id"),
-    Index(
-        "missions_by_next_end",
-        "next_end_ms",
-        sqlite_where=text("state IN ('ACCEPTED', 'ACTIVE')"),
-        postgresql_where=text("state IN ('ACCEPTED', 'ACTIVE')"),
-    ),
+    partial_index("missions_by_next_end", "next_end_ms", where="state IN ('ACCEPTED', 'ACTIVE')"),
 )
 
 #: Whether a mission is live. The states are literals, because the database uses a partial index
@@ -164,12 +146,11 @@ mission_steps = Table(
     Column("lands", Boolean),
     CheckConstraint("status IN ('PLANNED', 'ENDED', 'FAILED')", name="mission_step_status"),
     Index("mission_steps_by_time", "ended_ms"),
-    Index(
+    partial_index(
         "mission_steps_to_fly",
         "to_station_id",
         "from_station_id",
-        sqlite_where=text("status = 'PLANNED' AND kind = 'FLY'"),
-        postgresql_where=text("status = 'PLANNED' AND kind = 'FLY'"),
+        where="status = 'PLANNED' AND kind = 'FLY'",
     ),
 )
 
@@ -211,13 +192,12 @@ custody = Table(
     # A mission that is deleted must have no custody any more.
     Index("custody_by_mission", "mission_id"),
     # I6: delivered once.
-    Index(
+    partial_index(
         "custody_delivered",
         "delivery_id",
         "package_id",
         unique=True,
-        sqlite_where=text("custodian_kind = 'RECIPIENT'"),
-        postgresql_where=text("custodian_kind = 'RECIPIENT'"),
+        where="custodian_kind = 'RECIPIENT'",
     ),
 )
 
@@ -267,13 +247,7 @@ alarms = Table(
     CheckConstraint("level IN ('WARNING', 'URGENT', 'CRITICAL')", name="alarm_level"),
     Index("alarms_open", "acknowledged_ms", "alarm_id"),
     # Counts the open alarms of a drone without reading those of all others.
-    Index(
-        "alarms_open_of_drone",
-        "drone_id",
-        "level",
-        sqlite_where=text("acknowledged_ms IS NULL"),
-        postgresql_where=text("acknowledged_ms IS NULL"),
-    ),
+    partial_index("alarms_open_of_drone", "drone_id", "level", where="acknowledged_ms IS NULL"),
 )
 
 #: A day of fleet time, milliseconds.

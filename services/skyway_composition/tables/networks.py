@@ -12,8 +12,9 @@ from sqlalchemy import (
     MetaData,
     Table,
     Text,
-    text,
 )
+
+from skyway.runtime.sql.partial_index import partial_index
 
 #: All tables of composition.
 metadata = MetaData()
@@ -76,12 +77,7 @@ pad_reservations = Table(
         name="pad_reservation_owner",
     ),
     Index("pad_reservations_by_mission", "mission_id"),
-    Index(
-        "pad_reservations_held",
-        "hold_id",
-        sqlite_where=text("hold_id IS NOT NULL"),
-        postgresql_where=text("hold_id IS NOT NULL"),
-    ),
+    partial_index("pad_reservations_held", "hold_id", where="hold_id IS NOT NULL"),
 )
 
 

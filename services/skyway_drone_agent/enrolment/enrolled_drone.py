@@ -55,16 +55,16 @@ class EnrolledDrone(WireModel):
     position: Position | None = None
     soc: Soc
     mqtt: BrokerLogin
-    #: The addresses of the broker; an older version of the cloud names none.
+    #: The addresses of the broker; empty where the operator names none.
     mqtt_urls: tuple[str, ...] = ()
     certificate: ClientCertificate | None = None
-    #: The drone's own key, with which it signs; a drone of an older version has none.
+    #: The drone's own key, with which it signs; None where it signs nothing.
     signing_key: str | None = Field(default=None, repr=False)
     cloud_keys: CloudKeys | None = None
 
     @property
     def user_name(self) -> str:
-        """Its user name at the broker; files of older versions hold another one."""
+        """Its user name at the broker."""
         return drone_account(self.provider_id, self.drone_id)
 
     def at_first(self) -> Logbook:

@@ -11,10 +11,10 @@ from enum import IntEnum
 from typing import Final
 
 from skyway.contracts.drone_report import ActiveFailsafe, Failsafe, Fault
-from skyway.contracts.flight_step import FlyStep
+from skyway.contracts.flight_step import FlyStep, end_of
 from skyway.contracts.instruction import AnyInstruction, DivertInstruction, ReturnHomeInstruction
 from skyway.ids import StationId
-from skyway_drone_agent.journal.logbook import Logbook, end_of, run_under_way
+from skyway_drone_agent.journal.logbook import Logbook, run_under_way
 from skyway_drone_agent.journal.mission_changes import flight_resumed
 from skyway_drone_agent.journal.records import FailsafeOverridden
 from skyway_drone_agent.vehicle import Vehicle

@@ -16,9 +16,10 @@ from skyway.contracts.flight_step import (
     FlyStep,
     PickUpStep,
     ReturnStep,
+    end_of,
+    packages_of,
 )
 from skyway.contracts.message import utc_text
-from skyway.ids import PackageId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_drone_agent.failsafes.faults import in_words
 from skyway_drone_agent.flying.mission import Begin, Cut, End, Fail, Gates, Land, Stand, next_act
@@ -28,7 +29,7 @@ from skyway_drone_agent.journal.flight_recorder import (
     wait_for_end_or_news,
 )
 from skyway_drone_agent.journal.journal import JournalUnwritable
-from skyway_drone_agent.journal.logbook import Escape, Logbook, end_of, run_under_way
+from skyway_drone_agent.journal.logbook import Escape, Logbook, run_under_way
 from skyway_drone_agent.journal.records import StepBegun
 from skyway_drone_agent.link.events import EventWriter
 from skyway_drone_agent.vehicle import EnergyUse, Outcome, StepRun, Vehicle
@@ -174,21 +175,12 @@ def _is_hand_over(step: FlightStep) -> bool:
     return isinstance(step, DeliverStep | ReturnStep)
 
 
-def _handed_over(step: FlightStep) -> tuple[PackageId, ...]:
-    """The packages that are handed over in this step."""
-    if isinstance(step, PickUpStep):
-        return tuple(package.package_id for package in step.packages)
-    if isinstance(step, DeliverStep | ReturnStep):
-        return step.package_ids
-    return ()
-
-
 def _proof_of(step: FlightStep, logbook: Logbook, *, at: datetime) -> dict[str, object]:
     """Place, moment and weights of a hand-over, as an event's `data`."""
     if isinstance(step, PickUpStep):
         packages, sign = step.packages, 1
     else:
-        handed = _handed_over(step)
+        handed = packages_of(step)
         packages, sign = tuple(one for one in logbook.packages if one.package_id in handed), -1
     mass_kg = {package.package_id: package.mass_kg for package in packages}
     return {
@@ -240,7 +232,7 @@ def _escaped(escape: Escape) -> _EndFields:
 
 def _hand_over(step: FlightStep, outcome: Outcome, logbook: Logbook) -> _EndFields:
     """The packages of a hand-over and its evidence; empty for other steps."""
-    package_ids = _handed_over(step)
+    package_ids = packages_of(step)
     if not package_ids:
         return {}
     return {"package_ids": package_ids, "data": _proof_of(step, logbook, at=outcome.ended_at)}

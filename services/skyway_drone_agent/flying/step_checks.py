@@ -12,11 +12,12 @@ from skyway.contracts.flight_step import (
     PickUpStep,
     RechargeStep,
     ReturnStep,
+    end_of,
 )
 from skyway.drone.flight import flight_energy_j
 from skyway.drone.model import DroneModel
 from skyway.ids import PackageId
-from skyway_drone_agent.journal.logbook import end_of, start_of
+from skyway_drone_agent.journal.logbook import start_of
 from skyway_drone_agent.vehicle import EnergyUse, LoadedFlights
 
 #: Share of the battery by which a stretch may fall short: a thousand times the planner's own

@@ -116,11 +116,6 @@ def start_of(step: FlightStep) -> StationId:
     return step.from_id if isinstance(step, FlyStep) else step.station_id
 
 
-def end_of(step: FlightStep) -> StationId:
-    """The station where the drone stands, or which it flies over, after this step."""
-    return step.to_id if isinstance(step, FlyStep) else step.station_id
-
-
 class Logbook(WireModel):
     """Everything that a drone needs after a restart.
 

@@ -5,7 +5,7 @@ from datetime import datetime
 from typing import Any
 
 from skyway.contracts.drone_report import Failsafe
-from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
+from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep, end_of
 from skyway.contracts.instruction import (
     AnyInstruction,
     CancelInstruction,
@@ -22,7 +22,7 @@ from skyway.drone.model import DroneModel
 from skyway.ids import StationId
 from skyway_drone_agent.failsafes.failsafe import Situation, severest
 from skyway_drone_agent.flying.step_checks import fault_in, heaviest_load_kg, shortfall_of
-from skyway_drone_agent.journal.logbook import CurrentMission, Logbook, end_of, run_to_cut, start_of
+from skyway_drone_agent.journal.logbook import CurrentMission, Logbook, run_to_cut, start_of
 from skyway_drone_agent.journal.mission_changes import (
     CUTTABLE,
     Revision,

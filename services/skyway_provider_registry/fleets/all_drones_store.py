@@ -27,8 +27,7 @@ async def page(
 
     The state of a drone is not stored but decided here, so drones in other states are read, too.
     """
-    key = query.after(str)
-    after = str(key[0]) if key else None
+    after = query.after_id()
     together = query.limit + 1 if state is None else _READ_TOGETHER
     found: list[Drone] = []
     while len(found) <= query.limit:

@@ -28,7 +28,7 @@ _MOST_AT_ONCE: Final = 200
 class Announce(Protocol):
     """Notifies composition of renewals."""
 
-    async def __call__(self, renewals: Renewals, network_id: NetworkId | None) -> None:
+    async def __call__(self, renewals: Renewals, network_id: NetworkId) -> None:
         """Return when composition knows the renewals of drones of this network."""
 
 
@@ -38,17 +38,15 @@ class CompositionNotice:
 
     servers: CellClients
 
-    async def __call__(self, renewals: Renewals, network_id: NetworkId | None) -> None:
-        """Post the renewals to the network's server, or to all servers if the network is not known.
+    async def __call__(self, renewals: Renewals, network_id: NetworkId) -> None:
+        """Post the renewals to the network's server.
 
         Raises
         ------
         ServiceUnavailable
             Composition is away; it will be notified later.
         """
-        every = self.servers.every().values()
-        for client in every if network_id is None else [self.servers.of(network_id)]:
-            await client.call("POST", RENEWALS, body=renewals)
+        await self.servers.of(network_id).call("POST", RENEWALS, body=renewals)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +73,7 @@ class RenewalAnnouncer:
             due = await renewal_store.due(
                 connection, until_wall_at=until_wall_at, limit=_MOST_AT_ONCE, without=silent
             )
-        by_network: dict[NetworkId | None, list[DueRenewal]] = defaultdict(list)
+        by_network: dict[NetworkId, list[DueRenewal]] = defaultdict(list)
         for each in due:
             by_network[each.network_id].append(each)
         for network_id, some in by_network.items():
@@ -85,7 +83,7 @@ class RenewalAnnouncer:
                 silent[network_id] = error  # another network may have another server
         return len(due)
 
-    async def _announce(self, due: Sequence[DueRenewal], network_id: NetworkId | None) -> None:
+    async def _announce(self, due: Sequence[DueRenewal], network_id: NetworkId) -> None:
         renewals = tuple(Renewal(drone_id=each.drone_id, at=each.at) for each in due)
         await self.announce(Renewals(renewals=renewals), network_id)
         async with self.db.write() as tx:

@@ -99,8 +99,8 @@ async def page(
 ) -> Sequence[Battery]:
     """Up to limit + 1 batteries of this provider, sorted by id."""
     statement = _BATTERIES.where(batteries.c.provider_id == provider_id)
-    if (after := query.after(str)) is not None:
-        statement = statement.where(batteries.c.battery_id > str(after[0]))
+    if (after := query.after_id()) is not None:
+        statement = statement.where(batteries.c.battery_id > after)
     statement = statement.order_by(batteries.c.battery_id).limit(query.limit + 1)
     return [_shown(row) for row in await connection.execute(statement)]
 

@@ -8,10 +8,11 @@ from fastapi import Depends, Request, Response
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
+from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency_store import Answer, once
+from skyway.runtime.peer_secrets import secret_hash
 from skyway.runtime.sql.database import Database, Tx
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
@@ -27,7 +28,6 @@ from skyway_provider_registry.fleets.issue_credentials import (
     issue_token,
     revoke,
     rotate,
-    token_hash,
 )
 from skyway_provider_registry.renewal_store import RenewalMoment
 
@@ -57,16 +57,8 @@ def credential_routes(
         async def shown(tx: Tx) -> Answer:
             return Answer(201, (await act(tx)).model_dump_json().encode())
 
-        answer = await once(
-            db,
-            caller=asked_by,
-            route=f"POST {request.scope['path']}",
-            key=key,
-            body=await request.body(),
-            act=shown,
-            clock=clock,
-        )
-        return response_of(answer)
+        call = await keyed_call(request, asked_by, key)
+        return response_of(await once(db, call, act=shown, clock=clock))
 
     @router.post(
         "/v1/enrolments",
@@ -86,7 +78,7 @@ def credential_routes(
         """
         caller.must_be_service("gateway")
 
-        hashed = token_hash(requested.enrolment_token)
+        hashed = secret_hash(requested.enrolment_token)
         async with db.read() as connection:
             await credential_store.require_token(connection, hashed)
 

@@ -224,7 +224,7 @@ class RegisteredDrone(Drone):
 class FleetDrone:
     """A registered drone; `initial_soc` is its charge until its first `state` message.
 
-    Without a `standby` of its own it has its provider's.
+    Without a `standby` of its own it has its provider's. `network_id` is that of its home.
     """
 
     drone_id: DroneId
@@ -239,9 +239,8 @@ class FleetDrone:
     is_in_maintenance: bool
     created_at: datetime
     presence: Presence
+    network_id: NetworkId
     free_from: FreeFrom | None = None
-    #: Of its home; None if an older version has registered it.
-    network_id: NetworkId | None = None
     learned: LearnedDrone | None = None
     battery_id: BatteryId | None = None
     maintenance: DroneMaintenance = NEVER_FLOWN

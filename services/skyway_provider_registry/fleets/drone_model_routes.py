@@ -25,10 +25,10 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         caller: Annotated[Caller, Depends(gate)], query: Annotated[PageQuery, Query()]
     ) -> Page[DroneModel]:
         """List all drone models, by id."""
-        after = query.after(str)
+        after = query.after_id()
         async with db.read() as connection:
             models = await every_model(connection)
-        rest = [one for one in models.values() if after is None or one.model_id > str(after[0])]
+        rest = [one for one in models.values() if after is None or one.model_id > after]
         shown = rest[: query.limit + 1]
         return page_of(shown, query, item=lambda one: one, sort_key=lambda one: (one.model_id,))
 

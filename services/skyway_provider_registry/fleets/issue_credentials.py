@@ -1,6 +1,5 @@
 """Issues a drone's credentials: the first by a token, the next ones by a rotation."""
 
-import hashlib
 import secrets
 from collections.abc import Iterable
 from datetime import datetime, timedelta
@@ -20,6 +19,7 @@ from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import AccessDenied
+from skyway.runtime.peer_secrets import secret_hash
 from skyway.runtime.signing.cloud_key_file import CloudKeyFile
 from skyway.runtime.sql.database import Tx
 from skyway_provider_registry import renewal_store
@@ -148,7 +148,7 @@ class Issuer:
         return Credentials(
             mqtt=MqttAccount(user_name=user_name, password=_new_password()),
             mqtt_urls=self._mqtt_urls,
-            certificate=self._certificate(user_name, _key_hash(key)),
+            certificate=self._certificate(user_name, secret_hash(key)),
             key=key,
             cloud_keys=self._cloud_keys.read(),
         )
@@ -168,7 +168,7 @@ async def issue_token(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> Issue
     """A new token for a drone; it replaces the old token, and the credentials stay valid."""
     token, expires_at = new_token(), wall_now + TOKEN_LIFE
     await credential_store.put_token(
-        tx, drone_id, token_hash=token_hash(token), expires_at=expires_at
+        tx, drone_id, token_hash=secret_hash(token), expires_at=expires_at
     )
     return IssuedToken(drone_id=drone_id, enrolment_token=token, expires_at=expires_at)
 
@@ -187,14 +187,14 @@ async def enrol(
     Conflict
         The token was used before or is too old.
     """
-    token = token_hash(requested.enrolment_token)
+    token = secret_hash(requested.enrolment_token)
     drone_id = await credential_store.use_token(tx, token, at=moment.wall_at)
     drone = (await store.by_id(tx.connection, drone_id)).shown(moment.wall_at)
     made = issuer.make(drone.provider_id, drone_id)
     await credential_store.set_password(
         tx, drone_id, password_hash=issuer.hash_password(made.mqtt.password)
     )
-    await credential_store.put_key(tx, drone_id, key_hash=_key_hash(made.key), at=moment.wall_at)
+    await credential_store.put_key(tx, drone_id, key_hash=secret_hash(made.key), at=moment.wall_at)
     await signing_store.put_key(tx, drone_id, requested.public_key)
     await renewal_store.note(tx, drone_id, moment)
     return Enrolment(
@@ -231,7 +231,7 @@ async def rotate(
     has_key = await credential_store.put_next_key(
         tx,
         drone_id,
-        key_hash=_key_hash(made.key),
+        key_hash=secret_hash(made.key),
         password_hash=issuer.hash_password(made.mqtt.password),
         at=wall_now,
     )
@@ -269,16 +269,6 @@ def _new_key() -> str:
     return DRONE_KEY_PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
 
 
-def _key_hash(key: str) -> str:
-    """The hash that is stored of a key; the gateway asks with the same hash."""
-    return hashlib.sha256(key.encode()).hexdigest()
-
-
 def new_token() -> str:
     """A new enrolment token."""
     return _ENROLMENT_PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
-
-
-def token_hash(token: str) -> str:
-    """The hash that is stored of a token, and by which a shown token is looked up."""
-    return hashlib.sha256(token.encode()).hexdigest()

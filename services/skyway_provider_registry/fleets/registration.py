@@ -18,6 +18,7 @@ from skyway.ids import DroneId, DroneModelId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
+from skyway.runtime.peer_secrets import secret_hash
 from skyway.runtime.sql.database import Tx
 from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.enrolment import credential_store, signing_store
@@ -27,7 +28,6 @@ from skyway_provider_registry.fleets.issue_credentials import (
     TOKEN_LIFE,
     new_passwords,
     new_token,
-    token_hash,
 )
 from skyway_provider_registry.presence import sighting_store as sightings
 from skyway_provider_registry.presence.drone_presence import NEVER_SEEN
@@ -133,7 +133,7 @@ def prepare(
     return PreparedDrones(
         drones=drones,
         password_hashes=hashes,
-        token_hashes={drone_id: token_hash(token) for drone_id, token in shown_tokens.items()},
+        token_hashes={drone_id: secret_hash(token) for drone_id, token in shown_tokens.items()},
         tokens_expire_at=wall_now + TOKEN_LIFE,
         public_keys={
             drone.drone_id: new_drone.public_key

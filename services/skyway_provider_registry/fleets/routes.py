@@ -13,7 +13,7 @@ from skyway.contracts.drones import MOST_NEW_DRONES
 from skyway.ids import DroneId, NetworkId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
-from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
+from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
@@ -266,15 +266,8 @@ def registration_routes(
             await store_drones(tx, ready)
             return answer
 
-        given = await once(
-            db,
-            caller=str(caller),
-            route=f"POST /v1/providers/{provider_id}/drones",
-            key=idempotency_key,
-            body=raw,
-            act=act,
-            clock=clock,
-        )
+        call = await keyed_call(request, caller, idempotency_key)
+        given = await once(db, call, act=act, clock=clock)
         await password_file.refresh()
         return response_of(given)
 

@@ -117,11 +117,10 @@ async def page_of_caller(
     connection: AsyncConnection, caller: Caller, *, provider_id: ProviderId, query: PageQuery
 ) -> Sequence[FleetDrone]:
     """Up to limit + 1 drones of this provider that the caller may see, sorted by id."""
-    after = query.after(str)
     return await _page(
         connection,
         _is_own(caller, provider_id),
-        after=str(after[0]) if after else None,
+        after=query.after_id(),
         limit=query.limit + 1,
     )
 

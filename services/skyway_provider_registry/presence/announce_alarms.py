@@ -43,8 +43,7 @@ class AlarmAnnouncer:
                     silent[network_id] = error  # another network may have another server
         return len(waiting)
 
-    async def _announce(self, alarm: DroneAlarm, network_id: NetworkId | None) -> None:
-        # Without a network any server shows the alarm.
+    async def _announce(self, alarm: DroneAlarm, network_id: NetworkId) -> None:
         await self.servers.of(network_id).call("POST", DRONE_ALARMS, body=alarm)
         async with self.db.write() as tx:
             await jump_store.remove_waiting(tx, alarm)

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Final
 
-from sqlalchemy import Row, func, select, true, update
+from sqlalchemy import Row, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drones import DroneAlarm
@@ -134,8 +134,8 @@ async def keep_waiting(tx: Tx, alarm: DroneAlarm) -> None:
 
 
 async def waiting(
-    connection: AsyncConnection, *, limit: int, without: Collection[NetworkId | None] = ()
-) -> list[tuple[DroneAlarm, NetworkId | None]]:
+    connection: AsyncConnection, *, limit: int, without: Collection[NetworkId] = ()
+) -> list[tuple[DroneAlarm, NetworkId]]:
     """The alarms that composition does not have yet, each with the network of its drone.
 
     Those of drones at home in the networks `without` are left out.
@@ -143,7 +143,7 @@ async def waiting(
     query = (
         select(waiting_alarms.c.alarm, drones.c.network_id)
         .join(drones, drones.c.drone_id == waiting_alarms.c.drone_id)
-        .where(func.coalesce(drones.c.network_id, "").not_in([each or "" for each in without]))
+        .where(drones.c.network_id.not_in(without))
         .order_by(waiting_alarms.c.drone_id)
         .limit(limit)
     )

@@ -6,7 +6,7 @@ from skyway.ids import NetworkId
 from skyway.runtime.errors import ServiceUnavailable
 
 #: The networks whose servers do not answer, each with the error.
-Silent = dict[NetworkId | None, ServiceUnavailable]
+Silent = dict[NetworkId, ServiceUnavailable]
 
 
 async def send_past_silent(send: Callable[[Silent], Awaitable[int]], *, most: int) -> bool:

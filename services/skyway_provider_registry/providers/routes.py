@@ -7,7 +7,7 @@ from fastapi import Depends, Query, Request, Response
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import AccessDenied
-from skyway.runtime.http.answers import IdempotencyKey, response_of
+from skyway.runtime.http.answers import IdempotencyKey, keyed_call, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
@@ -56,16 +56,8 @@ def provider_routes(
             location = {"Location": f"/v1/providers/{provider.provider_id}"}
             return Answer(201, provider.model_dump_json().encode(), location)
 
-        answer = await once(
-            db,
-            caller=str(caller),
-            route="POST /v1/providers",
-            key=idempotency_key,
-            body=await request.body(),
-            act=keep,
-            clock=clock,
-        )
-        return response_of(answer)
+        call = await keyed_call(request, caller, idempotency_key)
+        return response_of(await once(db, call, act=keep, clock=clock))
 
     @router.get("/v1/providers")
     async def list_providers(

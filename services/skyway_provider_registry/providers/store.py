@@ -120,8 +120,8 @@ async def _page(
     connection: AsyncConnection, query: PageQuery, condition: ColumnElement[bool]
 ) -> Sequence[Provider]:
     statement = select(providers).where(condition)
-    if (after := query.after(str)) is not None:
-        statement = statement.where(providers.c.provider_id > after[0])
+    if (after := query.after_id()) is not None:
+        statement = statement.where(providers.c.provider_id > after)
     statement = statement.order_by(providers.c.provider_id).limit(query.limit + 1)
     return [_provider(row) for row in await connection.execute(statement)]
 

@@ -52,8 +52,7 @@ def _reached(folder: DataFolder, wall_at: datetime, *, next_rate: float) -> date
     if not folder.heartbeat_file.exists():
         return wall_at
     last = json.loads(folder.heartbeat_file.read_text())
-    # The heartbeat of an older Skyway does not say when it was.
-    noted_at = datetime.fromisoformat(last.get("wall_at", wall_at.isoformat()))
+    noted_at = datetime.fromisoformat(last["wall_at"])
     ran_on = min(max(wall_at - noted_at, _RAN_ON_AT_LEAST), _RUNS_ON_AT_MOST)
     slower_by = max(float(last["rate"]) - next_rate, 0.0)
     fleet_at = datetime.fromisoformat(last["fleet_at"])

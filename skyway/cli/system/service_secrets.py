@@ -9,7 +9,7 @@ from skyway.broker_setup.private_file import write_private
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.system.children import is_nats
 from skyway.runtime.metrics import METRICS_KEY
-from skyway.runtime.peer_secrets import account_file, peer_file, peer_hash
+from skyway.runtime.peer_secrets import account_file, peer_file, secret_hash
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS
 
 #: The secrets that each service itself shows, or decrypts and signs with.
@@ -50,7 +50,7 @@ def write_service_secrets(folder: DataFolder, target: Path) -> None:
         for name in names:
             write_private(place / name, (folder.secrets / name).read_text())
         for peer in PEERS[service]:
-            hashed = peer_hash(_secret(folder, f"service_{peer}"))
+            hashed = secret_hash(_secret(folder, f"service_{peer}"))
             write_private(place / peer_file(peer), hashed + "\n")
         passfile = folder.secrets / f"pgpass_{service}"
         if passfile.exists():

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from http import HTTPStatus
 from typing import Annotated, Any, Final
 
-from fastapi import Header, Response
+from fastapi import Header, Request, Response
 from fastapi.responses import JSONResponse
 
 from skyway.contracts.problem_details import (
@@ -17,7 +17,7 @@ from skyway.contracts.problem_details import (
     ProblemDetails,
 )
 from skyway.runtime.http.problems import problem_of_kind
-from skyway.runtime.idempotency_store import Answer
+from skyway.runtime.idempotency_store import Answer, KeyedCall
 
 #: A part of an OpenAPI document, whose members have no common static type.
 Part = dict[str, Any]
@@ -146,6 +146,12 @@ def _problem(kind: str) -> Part:
         problem = problem.model_copy(update={"errors": (_FIELD,)})
     problem = problem.model_copy(update={"trace_id": _TRACE_ID})
     return problem.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+
+
+async def keyed_call(request: Request, caller: object, key: str | None) -> KeyedCall:
+    """The call of this request; another caller with the same key gets another answer."""
+    route = f"{request.method} {request.scope['path']}"
+    return KeyedCall(str(caller), route, key, await request.body())
 
 
 def response_of(answer: Answer) -> Response:

@@ -14,7 +14,7 @@ from fastapi.security.base import SecurityBase
 from fastapi.security.utils import get_authorization_scheme_param
 
 from skyway.runtime.errors import AccessDenied, Unauthenticated
-from skyway.runtime.peer_secrets import peer_file, peer_hash, read_secret
+from skyway.runtime.peer_secrets import peer_file, read_secret, secret_hash
 
 CallerRole = Literal["customer", "provider", "operator", "drone", "service"]
 
@@ -149,7 +149,7 @@ class ServiceGate(SecurityBase):
         """The hash of a service's secret, from its file or made from the secret."""
         if (self._secrets_dir / peer_file(name)).exists():
             return read_secret(self._secrets_dir, peer_file(name))
-        return peer_hash(read_secret(self._secrets_dir, f"service_{name}"))
+        return secret_hash(read_secret(self._secrets_dir, f"service_{name}"))
 
     async def __call__(self, request: Request) -> Caller:
         """The caller of a request that carries a service's secret."""
@@ -157,7 +157,7 @@ class ServiceGate(SecurityBase):
         if scheme.lower() != "bearer" or not shown:
             raise Unauthenticated
         # Every hash is compared, in constant time: the duration must not reveal a match.
-        hashed = peer_hash(shown)
+        hashed = secret_hash(shown)
         matching = [
             name for name, each in self._hashes.items() if hmac.compare_digest(hashed, each)
         ]

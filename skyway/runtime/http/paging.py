@@ -36,6 +36,11 @@ class PageQuery(JsonModel):
         """The sort key to start after, of these types; None on the first page."""
         return None if self.cursor is None else decode_cursor(self.cursor, *kinds)
 
+    def after_id(self) -> str | None:
+        """The id to start after; None on the first page."""
+        key = self.after(str)
+        return None if key is None else str(key[0])
+
 
 class Page(JsonModel, Generic[T]):
     """One page of a list; `next_cursor` is None on the last one."""

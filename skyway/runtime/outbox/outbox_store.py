@@ -55,7 +55,7 @@ def outbox_table(metadata: MetaData) -> Table:
         Column("traceparent", Text),
         Column("attempts", Integer, nullable=False, server_default="0"),
         Column("due_at_ms", BigInteger, nullable=False, server_default="0"),
-        # When the message was stored, by the machine's clock; 0 in rows of an older version.
+        # When the message was stored, by the machine's clock.
         Column("stored_wall_ms", BigInteger, nullable=False, server_default="0"),
         *claim_columns(),
         Index("outbox_stream", "channel", "stream", "id"),
@@ -83,18 +83,18 @@ def _delete_confirmed(outbox: Table) -> Delete:
 class WaitingMessages:
     """The messages of a channel that are not sent, or not confirmed.
 
-    `oldest_wall_ms` is when the oldest of them was stored; None if that is unknown.
+    `oldest_wall_ms` is when the oldest of them was stored.
     """
 
     channel: str
     messages: int
-    oldest_wall_ms: int | None
+    oldest_wall_ms: int
 
 
 async def waiting_messages(connection: AsyncConnection, outbox: Table) -> list[WaitingMessages]:
     """What waits in the outbox, by channel."""
-    stored = func.nullif(outbox.c.stored_wall_ms, 0)
-    query = select(outbox.c.channel, func.count(), func.min(stored)).group_by(outbox.c.channel)
+    oldest = func.min(outbox.c.stored_wall_ms)
+    query = select(outbox.c.channel, func.count(), oldest).group_by(outbox.c.channel)
     return [WaitingMessages(*row) for row in await connection.execute(query)]
 
 

@@ -261,10 +261,9 @@ def _count_dropped(reports: int, *, channel: str) -> None:
 
 
 def _observe_delay(row: Row[Any]) -> None:
-    if row.stored_wall_ms:
-        delay_s = time.time() - row.stored_wall_ms / 1000
-        about = "time from storing a message to its first successful send"
-        observe("skyway_outbox_delay_seconds", about, delay_s, channel=row.channel)
+    delay_s = time.time() - row.stored_wall_ms / 1000
+    about = "time from storing a message to its first successful send"
+    observe("skyway_outbox_delay_seconds", about, delay_s, channel=row.channel)
 
 
 def _with_trace(row: Row[Any]) -> bytes:

@@ -16,6 +16,7 @@ from skyway_composition.networks.service_status import (
 )
 
 from skyway.contracts.drones import DronesOfModel, NetworkDrones
+from skyway.drone.models import DRONE_MODELS
 from skyway.ids import ClosureId, DroneModelId, NetworkId
 from skyway.units import moment_to_ms
 from tests.shared_app import shared_app
@@ -28,6 +29,7 @@ def drones(model: str = "small", *, registered: int = 4, online: int = 3, idle: 
     return DronesOfModel(
         model_id=DroneModelId(model),
         max_payload_kg=2.7,
+        model=DRONE_MODELS[DroneModelId("paper-scenario")],
         registered=registered,
         online=online,
         idle=idle,

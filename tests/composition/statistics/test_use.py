@@ -5,9 +5,9 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
+from skyway_lab.experiments.fleet_hour.utilisation import StepTime, spent_ms
 from sqlalchemy import text
 
-from skyway.scheduling.utilisation import StepTime, spent_ms
 from skyway.units import moment_to_ms
 
 OPERATOR = "operator:op"

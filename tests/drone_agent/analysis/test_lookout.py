@@ -6,9 +6,10 @@ from typing import Any
 import pytest
 from skyway_drone_agent.analysis.analysis import Lookout
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
-from skyway_drone_agent.journal.journal import MemoryJournal
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 from skyway_drone_agent.vehicle import Reading
+
+from tests.drone_agent.memory_journal import MemoryJournal
 
 
 class CountedVehicle(SimulatedVehicle):

@@ -13,7 +13,7 @@ from typing import Any, Self
 import pytest
 from skyway_drone_agent.agent import DroneAgent, VersionedLandings
 from skyway_drone_agent.enrolment.enrolled_drone import EnrolledDrone
-from skyway_drone_agent.journal.journal import Journal, JournalUnwritable, MemoryJournal
+from skyway_drone_agent.journal.journal import Journal, JournalUnwritable
 from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.records import Record
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
@@ -35,6 +35,7 @@ from skyway.contracts.world import NetworkVersion
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.client import Received, Will
 from tests.counting_mint import CountingMint
+from tests.drone_agent.memory_journal import MemoryJournal
 
 
 class FakeLink:

@@ -14,7 +14,6 @@ from skyway_drone_agent.journal.journal import (
     Journal,
     JournalFolder,
     JournalUnwritable,
-    MemoryJournal,
 )
 from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.records import Answer, EventRecorded, InstructionAnswered
@@ -22,6 +21,7 @@ from skyway_drone_agent.journal.records import Answer, EventRecorded, Instructio
 from skyway.contracts.drone_report import DroneEvent
 from skyway.geo import Position
 from skyway.ids import DroneId, InstructionId, StationId
+from tests.drone_agent.memory_journal import MemoryJournal
 
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 HOME = Logbook(station_id=StationId("home"), position=Position(-98.0, 30.0), soc=1.0)

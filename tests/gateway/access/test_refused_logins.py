@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 from skyway_gateway.access.keys_in_use import KeysInUse
-from skyway_gateway.access.recognise import secret_hash
 from skyway_gateway.access.refused_logins import MOST_A_MINUTE, RefusedLogins
 
 from skyway.ids import KeyId
@@ -17,6 +16,7 @@ from skyway.runtime.http.delays import WrongKeys
 from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey
 from skyway.runtime.metrics import COUNTERS
 from skyway.runtime.minting import mint
+from skyway.runtime.peer_secrets import secret_hash
 from tests.counting_mint import CountingMint
 from tests.gateway.access.key_calls import bearer, make_key, rotate, status_of
 from tests.gateway.access.test_audit_trail import entries

@@ -160,22 +160,20 @@ async def test_nobody_rotates_the_secret_of_another_customer(gateway: Gateway) -
         assert (await gateway.http.post(path, headers=headers)).status_code == status
 
 
-async def test_secrets_of_an_earlier_version_are_encrypted_at_the_start(
-    gateway_on_both: Gateway,
+async def test_two_replicas_that_start_together_encrypt_with_another_key(
+    gateway_on_both: Gateway, tmp_path: Path
 ) -> None:
     gateway = gateway_on_both
-    await make_webhook(gateway)
-    plain = new_webhook_secret()
-    await gateway.execute("UPDATE webhooks SET secret = :plain", plain=plain)
-    db, keys, at = gateway.parts.db, gateway.parts.vault, gateway.clock.wall_now()
+    webhook = await make_webhook(gateway)
+    db, at = gateway.parts.db, gateway.clock.wall_now()
+    keys = vault(tmp_path, OTHER_KEY, VAULT_KEY)
 
-    # Two replicas start together.
     found = await asyncio.gather(*(seal_secrets(db, keys, at=at) for _ in range(2)))
 
     assert found == [[], []]
     [row] = await stored(gateway)
     assert row.secret.startswith(keys.prefix)
-    assert keys.open(row.secret, row.webhook_id) == plain
+    assert keys.open(row.secret, row.webhook_id) == webhook["secret"]
 
 
 async def test_other_keys_encrypt_all_secrets_again(gateway: Gateway, tmp_path: Path) -> None:

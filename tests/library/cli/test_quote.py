@@ -18,7 +18,9 @@ OFFER = {
     "offer_id": "off_1",
     "provider_id": "prv_1",
     "price": {"amount": 1250, "currency": "USD"},
+    "pickup_station_id": "a",
     "pickup_at": "2026-03-02T10:00:00Z",
+    "margins": {},
     "packages": [
         {
             "package_id": "p1",
@@ -71,7 +73,7 @@ def test_an_offer_shows_price_times_provider_expiry_and_the_command_that_accepts
     assert result.stdout.splitlines() == [
         "quote quo_1, fleet time 2026-03-02T08:00:00Z",
         "1. 12.50 USD, Alamo (prv_1)",
-        "   pickup   2026-03-02T10:00:00Z",
+        "   pickup   2026-03-02T10:00:00Z at a",
         "   arrival  2026-03-02T11:00:00Z  p1 at b, nine of ten by 2026-03-02T11:09:00Z",
         "   expires  2026-03-02T09:00:00Z wall time; its drones and pads are held until then",
         "   accept   skyway accept quo_1 off_1",

@@ -9,7 +9,14 @@ from sqlalchemy import Column, Integer, MetaData, Table, Text, func, select, tex
 from skyway.errors import InvalidInput
 from skyway.runtime.clock import FleetClock, ManualClock
 from skyway.runtime.errors import Conflict, IdempotencyKeyReused
-from skyway.runtime.idempotency_store import Act, Answer, idempotency_table, once, sweep
+from skyway.runtime.idempotency_store import (
+    Act,
+    Answer,
+    KeyedCall,
+    idempotency_table,
+    once,
+    sweep,
+)
 from skyway.runtime.sql.database import Database, Tx
 
 METADATA = MetaData()
@@ -50,7 +57,7 @@ async def post(
     route: str = "POST /v1/keys",
     body: bytes = b"{}",
 ) -> Answer:
-    return await once(db, caller=caller, route=route, key=key, body=body, act=act, clock=clock)
+    return await once(db, KeyedCall(caller, route, key, body), act=act, clock=clock)
 
 
 async def made(db: Database) -> int:

@@ -15,8 +15,8 @@ _FLEETS: Final = """
 INSERT INTO providers (provider_id, name, tariff, state, created_ms)
   VALUES ('p', 'P', '{}', 'ACTIVE', 0);
 INSERT INTO drones (drone_id, provider_id, model_id, home_station_id, home_longitude_deg,
-    home_latitude_deg, initial_soc, is_in_maintenance, created_ms)
-  SELECT 'd' || i, 'p', 'm', 's', 0, 0, 1, false, 0 FROM generate_series(1, 2000) AS i;
+    home_latitude_deg, network_id, initial_soc, is_in_maintenance, created_ms)
+  SELECT 'd' || i, 'p', 'm', 's', 0, 0, 'n', 1, false, 0 FROM generate_series(1, 2000) AS i;
 INSERT INTO presence (drone_id, connection_session, connection_number, connection_rank,
     state_session, state_seq, sample_session, sample_seq, mission_id, changed)
   SELECT 'd' || i, 1, 1, 1, 1, 1, 1, 1, 'm' || i, i FROM generate_series(1, 2000) AS i;

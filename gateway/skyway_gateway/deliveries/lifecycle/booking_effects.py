@@ -89,10 +89,10 @@ def after_booking(
 
     def promise(package: PackageStatus) -> dict[str, object]:
         mission, eta = carried[package.package_id]
-        p90_at = p90_of(eta.eta_at, start_at=mission.begins_at, share=late_share)
+        p90_at = p90_of(eta.eta_at, start_at=mission.booked_start_at, share=late_share)
         return {
             "mission_id": mission.mission_id,
-            "custodian": _kept_at(mission) or package.custodian,
+            "custodian": Custodian(kind="STATION", id=mission.pickup_station_id),
             "promised_at": eta.eta_at,
             "promised_p90_at": p90_at,
             "due_at": due_of(eta.eta_at, p90_at, delivery.request.qos),
@@ -117,13 +117,6 @@ def after_booking(
     )
     data = event_data.planned(planned, booked, attempt=delivery.attempt)
     return Progress(planned, (Happening(DeliveryEventType.PLANNED, at, data),))
-
-
-def _kept_at(mission: FlownMission) -> Custodian | None:
-    """The station where the packages of a mission are handed over; None in an old mission."""
-    if mission.pickup_station_id is None:
-        return None
-    return Custodian(kind="STATION", id=mission.pickup_station_id)
 
 
 def cancelled_meanwhile(delivery: Delivery, missions: Sequence[Mission]) -> tuple[PackageId, ...]:

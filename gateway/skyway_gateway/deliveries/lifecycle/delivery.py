@@ -270,7 +270,7 @@ class Delivery(JsonModel):
             if one.state in ("CREATED", "CANCELLED") and one.custodian.kind == "STATION"
         )
         own = self.request.pickup
-        other = next((each for each in (*flown, *kept) if each not in (None, own.station_id)), None)
+        other = next((each for each in (*flown, *kept) if each != own.station_id), None)
         return own if other is None else Place(station_id=StationId(other))
 
     @property

@@ -48,14 +48,12 @@ class FlownMission(DeliveryMission):
         bool, Field(description="Whether its plan no longer holds and there is no new plan yet.")
     ] = False
     booked_start_at: Annotated[
-        FleetMoment | None,
-        Field(description="The start as it was first booked; later plans start later."),
-    ] = None
-
-    @property
-    def begins_at(self) -> datetime:
-        """The start as it was first booked; promised times count from there."""
-        return self.booked_start_at or self.start_at
+        FleetMoment,
+        Field(
+            description="The start as it was first booked, from which promised times count; later "
+            "plans start later."
+        ),
+    ]
 
     @property
     def is_live(self) -> bool:

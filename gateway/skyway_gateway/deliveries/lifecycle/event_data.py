@@ -178,7 +178,7 @@ def package_cancelled(package: PackageStatus) -> Data:
 
 def completed(delivery: Delivery) -> Data:
     """Data of `delivery.completed`: planned and actual times, in all and for each package."""
-    start_at = min(mission.begins_at for mission in delivery.missions)
+    start_at = min(mission.booked_start_at for mission in delivery.missions)
     promised_at = max(
         (one.promised_at for one in delivery.packages if one.promised_at), default=None
     )

@@ -258,7 +258,7 @@ def _eta_p90_at(package: PackageStatus, delivery: Delivery) -> datetime | None:
 def _start_at(package: PackageStatus, delivery: Delivery) -> datetime:
     for mission in delivery.missions:
         if mission.mission_id == package.mission_id:
-            return mission.begins_at
+            return mission.booked_start_at
     return delivery.created_at
 
 

@@ -76,7 +76,7 @@ def _mission_after(before: FlownMission, report: MissionReport) -> FlownMission:
             # Whether a mission was sent already does not concern the customer.
             "state": "BOOKED" if report.mission_state == "QUEUED" else report.mission_state,
             "is_replanning": is_replanning,
-            "booked_start_at": before.begins_at,
+            "booked_start_at": before.booked_start_at,
         }
     )
 

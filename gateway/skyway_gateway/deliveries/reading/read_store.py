@@ -1,10 +1,10 @@
 """The SQL of lists of deliveries, which hold only what the caller may see, and of earnings."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import date, timedelta
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
+from pydantic import Field
 from sqlalchemy import Select, distinct, exists, func, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
@@ -21,23 +21,27 @@ from skyway_gateway.deliveries.records.delivery_store import with_parts
 from skyway_gateway.delivery_tables import deliveries, missions
 
 
-@dataclass(frozen=True, slots=True)
-class DeliveryFilter:
-    """Which deliveries a list shows."""
+class DeliveryListQuery(PageQuery):
+    """The query of the list of deliveries."""
 
-    state: DeliveryState | None = None
-    reference: str | None = None
+    state: Annotated[DeliveryState | None, Field(description="Only deliveries in this state.")] = (
+        None
+    )
+    reference: Annotated[
+        str | None,
+        Field(max_length=200, description="Only deliveries with this reference of the customer's."),
+    ] = None
 
 
 async def page_of(
-    connection: AsyncConnection, caller: Caller, query: PageQuery, requested: DeliveryFilter
+    connection: AsyncConnection, caller: Caller, query: DeliveryListQuery
 ) -> Sequence[Delivery]:
     """Up to limit + 1 of the caller's deliveries, the newest first."""
     statement = select(deliveries).where(owned(caller, deliveries.c.customer_id))
-    if requested.state is not None:
-        statement = statement.where(deliveries.c.state == requested.state)
-    if requested.reference is not None:
-        statement = statement.where(deliveries.c.reference == requested.reference)
+    if query.state is not None:
+        statement = statement.where(deliveries.c.state == query.state)
+    if query.reference is not None:
+        statement = statement.where(deliveries.c.reference == query.reference)
     return await _page(connection, statement, query)
 
 
@@ -98,8 +102,8 @@ def _with_place(delivery: Delivery, row: AnyRow | None) -> Delivery:
 async def _page(
     connection: AsyncConnection, statement: Select[*tuple[Any, ...]], query: PageQuery
 ) -> Sequence[Delivery]:
-    if (after := query.after(str)) is not None:
-        statement = statement.where(deliveries.c.delivery_id < after[0])
+    if (after := query.after_id()) is not None:
+        statement = statement.where(deliveries.c.delivery_id < after)
     statement = statement.order_by(deliveries.c.delivery_id.desc()).limit(query.limit + 1)
     return await with_parts(connection, (await connection.execute(statement)).all())
 

@@ -5,7 +5,6 @@ from typing import Annotated
 
 from fastapi import Depends, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
-from pydantic import Field
 
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, ProviderId
@@ -24,11 +23,10 @@ from skyway_gateway.clients import Composition
 from skyway_gateway.deliveries.lifecycle.customer_forms import shown_to
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
-    DeliveryState,
 )
 from skyway_gateway.deliveries.reading import read_store, statistics_store
 from skyway_gateway.deliveries.reading.promises import PromiseStatistics, promises_of
-from skyway_gateway.deliveries.reading.read_store import DeliveryFilter
+from skyway_gateway.deliveries.reading.read_store import DeliveryListQuery
 from skyway_gateway.deliveries.reading.statistics import (
     DeliveryQuery,
     DeliveryStatistics,
@@ -49,18 +47,6 @@ from skyway_gateway.deliveries.reading.views import (
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.lateness.store import kept_promises
 from skyway_gateway.notifications.delivery_events import EventStream
-
-
-class DeliveryListQuery(PageQuery):
-    """The query of the list of deliveries."""
-
-    state: Annotated[DeliveryState | None, Field(description="Only deliveries in this state.")] = (
-        None
-    )
-    reference: Annotated[
-        str | None,
-        Field(max_length=200, description="Only deliveries with this reference of the customer's."),
-    ] = None
 
 
 def reading_routes(
@@ -85,9 +71,8 @@ def _add_lists(router: ServiceRouter, db: Database, gate: KeyGate) -> None:
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        filters = DeliveryFilter(query.state, query.reference)
         async with db.read() as connection:
-            page = await read_store.page_of(connection, caller, query, filters)
+            page = await read_store.page_of(connection, caller, query)
             found = await read_store.with_places(connection, page)
         return page_of(
             found,

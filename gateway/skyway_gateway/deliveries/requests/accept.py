@@ -6,7 +6,6 @@ The row is the queue: once it is written, booking finds it, even if this process
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import partial
-from typing import Final
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event import DeliveryEventType
@@ -19,7 +18,7 @@ from skyway.ids import DeliveryId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.idempotency_store import Answer, answered_before, once
+from skyway.runtime.idempotency_store import Answer, KeyedCall, answered_before, once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.claims import FREE
 from skyway.runtime.sql.database import Database, Tx
@@ -83,9 +82,6 @@ def new_delivery(
     )
 
 
-_ROUTE: Final = "POST /v1/deliveries"
-
-
 @dataclass(frozen=True, slots=True)
 class _Checked:
     """A request that may be accepted, and what composition holds for its offer.
@@ -117,9 +113,7 @@ class Acceptance:
         self,
         caller: Caller,
         requested: DeliveryRequest | OfferChoice,
-        *,
-        idempotency_key: str | None,
-        body: bytes,
+        call: KeyedCall,
     ) -> Answer:
         """202 with the delivery, which is written together with its first event.
 
@@ -139,14 +133,7 @@ class Acceptance:
         """
         if isinstance(requested, OfferChoice):
             # A repeated call must not hold other drones.
-            before = await answered_before(
-                self.db,
-                caller=str(caller),
-                route=_ROUTE,
-                key=idempotency_key,
-                body=body,
-                clock=self.clock,
-            )
+            before = await answered_before(self.db, call, clock=self.clock)
             if before is not None:
                 return before
         try:
@@ -158,9 +145,8 @@ class Acceptance:
         written: list[DeliveryId] = []
 
         async def write(tx: Tx) -> Answer:
-            delivery = await self._write(
-                tx, caller, requested, checked, has_key=idempotency_key is not None
-            )
+            has_key = call.key is not None
+            delivery = await self._write(tx, caller, requested, checked, has_key=has_key)
             tx.after_commit(lambda: written.append(delivery.delivery_id))
             location = {"Location": f"/v1/deliveries/{delivery.delivery_id}"}
             url = self.links.url_of(delivery.delivery_id, number=FIRST_LINK)
@@ -168,15 +154,7 @@ class Acceptance:
             return Answer(202, shown.model_dump_json().encode(), location)
 
         try:
-            answer = await once(
-                self.db,
-                caller=str(caller),
-                route=_ROUTE,
-                key=idempotency_key,
-                body=body,
-                act=write,
-                clock=self.clock,
-            )
+            answer = await once(self.db, call, act=write, clock=self.clock)
         except (Conflict, NotFound):
             await self._release(caller, requested, checked)
             raise

@@ -16,7 +16,13 @@ from skyway.contracts.mission_reports import (
 )
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
-from skyway.runtime.http.answers import NOT_FOUND, IdempotencyKey, conflicts, response_of
+from skyway.runtime.http.answers import (
+    NOT_FOUND,
+    IdempotencyKey,
+    conflicts,
+    keyed_call,
+    response_of,
+)
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.request_boundary import Admission
@@ -96,12 +102,8 @@ def delivery_routes(
         # An operator has stranded packages collected.
         caller.must_be("customer", "operator")
         with acceptance.booking.arriving():
-            answer = await acceptance.accept(
-                caller,
-                wanted,
-                idempotency_key=idempotency_key,
-                body=await request.body(),
-            )
+            call = await keyed_call(request, caller, idempotency_key)
+            answer = await acceptance.accept(caller, wanted, call)
         if holder_of(request).is_session:
             # The stored answer may have been that to a key, so the link leaves it here.
             shown = {**json.loads(answer.body), "tracking_url": None}

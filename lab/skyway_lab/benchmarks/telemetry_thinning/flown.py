@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
-from skyway_drone_agent.journal.logbook import CurrentMission, Logbook, end_of, run_under_way
+from skyway_drone_agent.journal.logbook import CurrentMission, Logbook, run_under_way
 from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import Answer, EventRecorded, StepBegun
 from skyway_drone_agent.simulated.disturbances import Disturbances
@@ -14,7 +14,7 @@ from skyway_drone_agent.simulated.vehicle import reading_of
 from skyway_drone_agent.vehicle import Outcome, Reading, StepRun
 
 from skyway.contracts.drone_report import DroneEvent
-from skyway.contracts.flight_step import FlightStep, FlyStep
+from skyway.contracts.flight_step import FlightStep, FlyStep, end_of
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DeliveryId, DroneId, InstructionId, MissionId, StationId

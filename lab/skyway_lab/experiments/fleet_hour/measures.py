@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from skyway.scheduling.utilisation import USES, StepTime, Use, spent_ms
 from skyway.units import hours_to_s, minutes_to_s
 from skyway_lab.experiments.fleet_hour.calendars import Calendars, HourMission, Policy
 from skyway_lab.experiments.fleet_hour.cases import Case, HourRequest, Load, Place, draw_case
 from skyway_lab.experiments.fleet_hour.find_mission import MissionFinder
+from skyway_lab.experiments.fleet_hour.utilisation import USES, StepTime, Use, spent_ms
 from skyway_lab.experiments.report import Row
 
 #: A customer gives up when no drone is booked within this time, as by the services' default.

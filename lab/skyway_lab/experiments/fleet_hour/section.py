@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from statistics import mean
 
-from skyway.scheduling.utilisation import USES
 from skyway_lab.experiments.figures import Axis, Stack, draw_groups, draw_stacks
 from skyway_lab.experiments.fleet_hour.calendars import CHAINED, ONE_AT_A_TIME, POLICIES, Policy
 from skyway_lab.experiments.fleet_hour.cases import PLACES, Load, Place
@@ -13,6 +12,7 @@ from skyway_lab.experiments.fleet_hour.measures import (
     HourTrial,
     measure,
 )
+from skyway_lab.experiments.fleet_hour.utilisation import USES
 from skyway_lab.experiments.laboratory import Laboratory
 from skyway_lab.experiments.report import (
     Section,

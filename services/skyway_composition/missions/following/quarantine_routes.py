@@ -36,12 +36,11 @@ def quarantine_routes(*, db: Database, gate: ServiceGate, replays: Replays) -> S
     ) -> Page[QuarantinedMessage]:
         """List the messages of drones that were not accepted, the newest first."""
         caller.must_be("operator")
-        after = query.after(str)
         async with db.read() as connection:
             rows = await store.page(
                 connection,
                 provider_id=query.provider_id,
-                before=str(after[0]) if after else None,
+                before=query.after_id(),
                 limit=query.limit + 1,
             )
         return page_of(

@@ -144,9 +144,9 @@ class MissionRecord:
 
     `reported_activity` is the drone's activity and station in the last report to the customer.
     `planned_in` is given while the mission is QUEUED. `promised` are the arrival times with which a
-    QUEUED mission was booked. `traceparent` is that of the delivery's request. A mission that was
-    booked by an older version has neither `promised` nor `traceparent`. `shares` are the deliveries
-    that fly together, first that of the mission itself; empty while it flies for one only.
+    QUEUED mission was booked. `traceparent` is that of the delivery's request. `shares` are the
+    deliveries that fly together, first that of the mission itself; empty while it flies for one
+    only.
     """
 
     mission: Mission

@@ -89,8 +89,6 @@ def mission_of(record: MissionRecord, share: Share) -> Mission:
             "packages": _own_etas(share, mission.packages),
             "plan": plan,
             "margins": _own_margins(mission.margins, plan),
-            # A mission that was booked by an earlier version does not say.
-            "pickup_station_id": record.request.pickup.station_id,
             "pickup_away_m": 0.0 if share.near is None else share.near.away_m,
             "home_plan": None,
             "home_recharge": None,

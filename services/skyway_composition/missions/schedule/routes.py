@@ -126,14 +126,14 @@ def schedule_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Se
         if not _may_see(caller, provider_id):
             raise NotFound("provider", provider_id)
         now = clock.now()
-        now_ms, span, after = moment_to_ms(now), query.span(now), query.after(str)
+        now_ms, span = moment_to_ms(now), query.span(now)
         async with db.survey() as connection:
             drone_ids = await store.drones_in_span(
                 connection,
                 provider_id,
                 span,
                 now_ms=now_ms,
-                after=str(after[0]) if after else None,
+                after=query.after_id(),
                 limit=query.limit + 1,
             )
             records = await store.missions_in_span(

@@ -14,9 +14,8 @@ from skyway.bounds import LATEST
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.mission import OPEN_MISSION_STATES, MissionState
 from skyway.contracts.mission_reports import FreeFrom
-from skyway.contracts.statistics import Span
+from skyway.contracts.statistics import Span, span_between
 from skyway.delivery.plan import Fly
-from skyway.errors import InvalidInput
 from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway.runtime.http.paging import Page, PageQuery
@@ -70,16 +69,7 @@ class FutureSpanQuery(JsonModel):
         """
         from_at = self.from_at or now
         to_at = self.to_at or min(from_at + LONGEST_SPAN, LATEST)
-        if from_at >= to_at:
-            raise InvalidInput(
-                "from", f"{from_at.isoformat()} must be before `to`, {to_at.isoformat()}"
-            )
-        if to_at - from_at > LONGEST_SPAN:
-            days = (to_at - from_at) / timedelta(days=1)
-            raise InvalidInput(
-                "to", f"the span is {days:.1f} days long; the limit is {LONGEST_SPAN.days} days"
-            )
-        return Span(moment_to_ms(from_at), moment_to_ms(to_at))
+        return span_between(from_at, to_at, longest=LONGEST_SPAN)
 
 
 class ScheduleQuery(FutureSpanQuery, PageQuery):

@@ -118,7 +118,7 @@ def upgrade() -> None:
         sa.Column("home_station_id", sa.Text(), nullable=False),
         sa.Column("home_longitude_deg", sa.Double(), nullable=False),
         sa.Column("home_latitude_deg", sa.Double(), nullable=False),
-        sa.Column("network_id", sa.Text(), nullable=True),
+        sa.Column("network_id", sa.Text(), nullable=False),
         sa.Column("name", sa.Text(), nullable=True),
         sa.Column("registration", sa.Text(), nullable=True),
         sa.Column("initial_soc", sa.Double(), nullable=False),

@@ -21,7 +21,7 @@ from skyway_composition.networks.store import Present
 from skyway_composition.planning.availability import BookedMission
 
 from skyway.contracts.mission import OfferLimits
-from skyway.delivery.offer import Price
+from skyway.delivery.offer import Price, Tariff
 from skyway.ids import DroneId, HoldId, MissionId, NetworkId, ProviderId
 from skyway.units import moment_to_ms
 from tests.composition.missions.booking.test_holds import quote
@@ -176,6 +176,7 @@ def test_a_held_offer_keeps_provider_and_price(
         provider_id=change.get("provider_id", held.offer.provider_id),
         price=Price(amount=amount, currency=change.get("currency", price.currency)),
         within_s=60.0,
+        tariff=Tariff(),
     )
 
     assert held.keeps(promised) == is_kept

@@ -16,6 +16,7 @@ from skyway.contracts.quote import (
     QuoteQuery,
 )
 from skyway.contracts.shortlist import Shortlist
+from skyway.delivery.offer import Tariff
 
 GATEWAY = "service:gateway"
 LIFE_S = 120.0
@@ -50,7 +51,11 @@ async def ask_for_quote(
 
 def limits(terms: OfferTerms, hold: OfferHold | None) -> OfferLimits:
     return OfferLimits(
-        provider_id=terms.provider_id, price=terms.price, within_s=terms.delivery_time_s, hold=hold
+        provider_id=terms.provider_id,
+        price=terms.price,
+        within_s=terms.delivery_time_s,
+        hold=hold,
+        tariff=Tariff(),
     )
 
 

@@ -56,7 +56,9 @@ async def test_a_quote_shows_the_dear_drone_and_its_offer_can_be_booked(
     (offer,) = QuoteAnswer.model_validate_json(answer.content).offers
     assert offer.price.amount > CEILING
 
-    accepted = OfferLimits(provider_id="prv_1", price=offer.price, within_s=86_400.0)
+    accepted = OfferLimits(
+        provider_id="prv_1", price=offer.price, within_s=86_400.0, tariff=dear.tariff
+    )
     body = BookMissions(attempt=1, request=request, shortlist=shortlist, offer=accepted)
     booked = await composition(
         "service:gateway",

@@ -14,7 +14,7 @@ from skyway_gateway.deliveries.lifecycle.delivery_parts import Refusal
 
 from skyway.contracts.mission import Booking, OfferLimits
 from skyway.contracts.shortlist import Candidates, Shortlist
-from skyway.delivery.offer import Price
+from skyway.delivery.offer import Price, Tariff
 from skyway.ids import DroneId, ProviderId
 from tests.gateway.deliveries.booking.slow_pace import Seconds, slow_pace
 
@@ -96,7 +96,7 @@ def test_the_detail_names_provider_code_and_reason(reason: Callable[..., Any]) -
 
 def test_an_offer_does_not_wait_and_its_loss_is_a_reason(reason: Callable[..., Any]) -> None:
     price = Price(amount=700, currency="USD")
-    offer = OfferLimits(provider_id="prv_1", price=price, within_s=900)
+    offer = OfferLimits(provider_id="prv_1", price=price, within_s=900, tariff=Tariff())
     booking = Booking(outcome="BUSY", reasons=(reason("BUSY", is_temporary=True),))
     infeasible = why_infeasible(offer, booking, Candidates(shortlist=Shortlist(), infeasible=()))
     assert infeasible is not None

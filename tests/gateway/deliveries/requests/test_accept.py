@@ -17,6 +17,7 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.runtime.http.identity import Caller
+from skyway.runtime.idempotency_store import KeyedCall
 from tests.gateway.peers import STATIONS
 from tests.gateway.whole_gateway import Gateway, make_request
 
@@ -375,8 +376,7 @@ async def test_a_delivery_that_this_process_books_is_claimed_when_it_is_added(
         await acceptance.accept(
             Caller(role="customer", subject_id="alice"),
             DeliveryRequest.model_validate(request_body()),
-            idempotency_key="once",
-            body=b"",
+            KeyedCall("customer:alice", "POST /v1/deliveries", "once", b""),
         )
 
     [queued], [_] = handed, accepted

@@ -1,6 +1,5 @@
 """Accepting an offer: it is booked within its limits immediately, or rejected with the reason."""
 
-import json
 from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
@@ -69,20 +68,6 @@ async def test_an_offer_is_kept_and_booked_by_the_tariff_of_its_quote(
     assert (await gateway.get(delivery["delivery_id"]))["state"] == "PLANNED"
     later, _ = await quoted(gateway, request_body())
     assert later["offers"][0]["tariff"]["currency"] == "EUR"
-
-
-async def test_an_offer_of_an_earlier_version_is_booked_by_the_present_tariff(
-    gateway: Gateway, request_body: Callable[..., dict[str, Any]]
-) -> None:
-    quote, choice = await quoted(gateway, request_body())
-    offers = [{name: each[name] for name in each if name != "tariff"} for each in quote["offers"]]
-    await gateway.execute("UPDATE quotes SET offers = :offers", offers=json.dumps(offers))
-
-    delivery = (await taken(gateway, choice)).json()
-    await gateway.book_next()
-
-    assert delivery["offer"]["tariff"] is None
-    assert (await gateway.get(delivery["delivery_id"]))["state"] == "PLANNED"
 
 
 async def test_one_offer_of_a_quote_is_accepted_once(

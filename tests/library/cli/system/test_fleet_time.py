@@ -100,15 +100,6 @@ def test_a_slower_clock_starts_later_than_any_drone_can_be(folder: DataFolder) -
     assert started.fleet_at + (last_seen_at - started.wall_at) * 20 >= on_board
 
 
-def test_the_heartbeat_of_an_older_skyway_counts(folder: DataFolder) -> None:
-    reached = in_a_month()
-    folder.heartbeat_file.write_text(json.dumps({"fleet_at": reached.isoformat(), "rate": 120.0}))
-
-    anchor_clock(folder, rate=120)
-
-    assert anchor(folder) >= reached + timedelta(seconds=120)
-
-
 def test_two_starts_without_a_heartbeat_between_do_not_go_back(folder: DataFolder) -> None:
     anchor_clock(folder, rate=1_000)
     first = anchor(folder)

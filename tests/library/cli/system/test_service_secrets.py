@@ -9,7 +9,7 @@ from skyway.broker_setup.passwords import matches
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
 from skyway.cli.main import make_app
 from skyway.cli.system.service_secrets import OWN, PEERS
-from skyway.runtime.peer_secrets import peer_hash
+from skyway.runtime.peer_secrets import secret_hash
 
 #: Public, or for all services on purpose.
 _SHARED = {"metrics_key", "cloud_keys"}
@@ -46,7 +46,9 @@ def test_a_service_recognises_its_peers(made: tuple[DataFolder, Path], service: 
 
     for peer in PEERS[service]:
         secret = (folder.secrets / f"service_{peer}").read_text().strip()
-        assert (target / service / f"service_{peer}.sha256").read_text() == peer_hash(secret) + "\n"
+        assert (target / service / f"service_{peer}.sha256").read_text() == secret_hash(
+            secret
+        ) + "\n"
     assert (target / service / "pgpass").read_text().startswith("db:*:*:skyway_")
 
 

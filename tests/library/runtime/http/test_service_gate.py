@@ -7,7 +7,7 @@ from fastapi import Request
 
 from skyway.runtime.errors import AccessDenied, Unauthenticated
 from skyway.runtime.http.identity import Caller, ServiceGate
-from skyway.runtime.peer_secrets import peer_file, peer_hash
+from skyway.runtime.peer_secrets import peer_file, secret_hash
 
 
 @pytest.fixture
@@ -30,11 +30,11 @@ async def test_a_hash_of_a_secret_is_enough_to_recognise_a_service(
     gate: ServiceGate, tmp_path: Path
 ) -> None:
     (tmp_path / "service_gateway").unlink()
-    (tmp_path / peer_file("gateway")).write_text(peer_hash("secret of gateway") + "\n")
+    (tmp_path / peer_file("gateway")).write_text(secret_hash("secret of gateway") + "\n")
 
     assert await gate(request(secret="secret of gateway")) == Caller("service", "gateway")
     with pytest.raises(Unauthenticated):
-        await gate(request(secret=peer_hash("secret of gateway")))
+        await gate(request(secret=secret_hash("secret of gateway")))
 
 
 async def test_the_gateway_speaks_for_whom_it_names(gate: ServiceGate) -> None:

@@ -40,17 +40,6 @@ async def test_the_age_is_that_of_the_oldest_message_of_a_channel(db: Database) 
     assert found["skyway_outbox_depth", "mqtt"] == 0
 
 
-async def test_messages_of_an_older_version_have_no_age(db: Database) -> None:
-    await report(db, "a")
-    async with db.write() as tx:
-        await tx.execute(update(OUTBOX).values(stored_wall_ms=0))
-
-    found = await shown(db)
-
-    assert found["skyway_outbox_depth", "gateway"] == 1
-    assert found["skyway_outbox_age_seconds", "gateway"] == 0.0
-
-
 async def test_each_message_is_timed_once_until_it_is_sent(
     db: Database, clock: ManualClock
 ) -> None:

@@ -1,6 +1,6 @@
 """How the time of a mission is divided among uses."""
 
-from skyway.scheduling.utilisation import StepTime, spent_ms
+from skyway_lab.experiments.fleet_hour.utilisation import StepTime, spent_ms
 
 #: To the pickup with a recharge on the way, a delivery with a recharge, the way home, a recharge.
 STEPS = (
