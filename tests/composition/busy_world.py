@@ -174,7 +174,7 @@ class BusyWorld:
     # Time and messages
 
     async def pass_time(self, by: timedelta, *, stride: timedelta = _LONGEST_STRIDE) -> None:
-        """Let time pass, from one event to the next or `stride` to the next."""
+        """Let time pass, from one event to the next, in steps of at most `stride`."""
         until = self.clock.now() + by
         looked_at = self.clock.now()
         while (now := self.clock.now()) < until:
