@@ -18,7 +18,6 @@ from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Command, Commands
-from skyway_composition.missions.mission.custody_store import delivered, held_packages
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.store import MissionFilter, page
 from skyway_composition.missions.replanning.foresee import Foresight
@@ -31,7 +30,7 @@ from skyway_composition.missions.timeouts import (
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.quarantine.set_aside import Quarantine
-from skyway_composition.tables import metadata, missions, outbox, pad_reservations
+from skyway_composition.tables import metadata, missions, outbox
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
 from skyway_verifier.composition.rules import RULES
 from sqlalchemy import delete, select
@@ -59,6 +58,7 @@ from skyway.units import moment_to_ms
 from tests.broken_rules import broken_rules
 from tests.composition.busy_network import MODEL, NETWORK_ID, PLACES, add_network
 from tests.composition.drone_journals import ended_missions, handed_over, owners_of, shared_pads
+from tests.composition.ended_world import check_ended
 from tests.composition.flown_drone import FlownDrone
 from tests.composition.lone_replica import lone_replica
 from tests.counting_mint import CountingMint
@@ -176,7 +176,7 @@ class BusyWorld:
     # Time and messages
 
     async def pass_time(self, by: timedelta, *, stride: timedelta = _LONGEST_STRIDE) -> None:
-        """Let time pass, from one event to the next, but at most by `stride` at once."""
+        """Let time pass, from one event to the next, in steps of at most `stride`."""
         until = self.clock.now() + by
         looked_at = self.clock.now()
         while (now := self.clock.now()) < until:
@@ -220,7 +220,6 @@ class BusyWorld:
             return
         delivered: set[int] = set()
         for _ in range(60):
-            await self.settle()
             is_quiet = not await self._listen()
             while await self.replanner.step():
                 pass
@@ -228,6 +227,7 @@ class BusyWorld:
             if is_quiet:
                 self._was_quiet = self._moment()
                 return
+            await self.settle()
         raise AssertionError("the exchange of messages does not end")
 
     def _moment(self) -> object:
@@ -424,15 +424,15 @@ class BusyWorld:
                     # The drone cannot know what it did; people have looked at it.
                     await self.command(record.mission_id, "GIVE_UP", None)
             await self.fetch_all()
-            is_sent = all(record.is_live for record in records)
-            stride = _LAST_STRIDE if is_sent else _LONGEST_STRIDE
+            stride = _LAST_STRIDE if all(each.is_live for each in records) else _LONGEST_STRIDE
             await self.pass_time(_LAST_STRIDE, stride=stride)
             if self.clock.now() - checked_at >= _CHECKED_EVERY:
                 await self.check()
                 checked_at = self.clock.now()
         await self.check()
-        assert [(each.mission_id, each.mission.state) for each in records] == []
-        await self._check_ended()
+        assert [str(each.mission_id) for each in records] + self._flying() == []
+        reports, handed = await self.reports(), set(await self.handed_over())
+        await check_ended(self.db, reports, deliveries=self.requests, handed_over=handed)
 
     async def reports(self, channel: str = "gateway") -> list[MissionReport]:
         """All reports to a service, in order."""
@@ -440,27 +440,6 @@ class BusyWorld:
         async with self.db.read() as connection:
             rows = (await connection.execute(query)).all()
         return [MissionReport.model_validate_json(row.payload) for row in rows]
-
-    async def _check_ended(self) -> None:
-        reports = await self.reports()
-        async with self.db.read() as connection:
-            assert (await connection.execute(select(pad_reservations))).all() == []
-            by_mission = {each.mission_id: list[MissionReport]() for each in reports}
-            for report in reports:
-                by_mission[report.mission_id].append(report)
-            received = {
-                (delivery_id, package_id)
-                for delivery_id in self.requests
-                for package_id in delivered(
-                    await held_packages(connection, DeliveryId(delivery_id))
-                )
-            }
-        assert received <= set(await self.handed_over())
-        for story in by_mission.values():
-            assert [each.seq for each in story] == list(range(1, len(story) + 1))
-            ends = [each.kind for each in story if each.kind in ("ENDED", "REFUSED")]
-            assert len(ends) == 1, story
-        assert self._flying() == []
 
     async def _missions(self) -> defaultdict[MissionState, set[str]]:
         by_state: defaultdict[MissionState, set[str]] = defaultdict(set)

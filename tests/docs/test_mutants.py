@@ -15,7 +15,7 @@ LONG = "pytest.mark.long"
 def names_of_tests(path: Path) -> frozenset[str]:
     """The names of the test functions of a file that `make test` runs whole.
 
-    Not those marked `long`, and not those of which a case is marked `long`.
+    A test that is marked `long`, or that has a case marked `long`, is not among them.
     """
     nodes = ast.parse(path.read_text()).body
     assigned = {
