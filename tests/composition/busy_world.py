@@ -90,7 +90,6 @@ class BusyWorld:
 
     #: How often drones in flight check for failures; a quarter of a second of wall time at `_RATE`.
     flight_stride = timedelta(seconds=15)
-
     database = Database
 
     def __init__(self, url: str, *, rate: float = _RATE) -> None:
@@ -103,8 +102,7 @@ class BusyWorld:
         self.requests: dict[str, DeliveryRequest] = {}
         self.attempts: dict[str, int] = {}
         self.released: set[tuple[str, str]] = set()
-        self.loaders = "RIGHT"
-        self._bookings_under_way = 0
+        self.loaders, self._bookings_under_way = "RIGHT", 0
         self._was_quiet: object = None
         self.restart()
 

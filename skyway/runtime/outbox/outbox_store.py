@@ -28,7 +28,6 @@ from sqlalchemy import (
     func,
     select,
 )
-from sqlalchemy.ext.asyncio import AsyncConnection
 from sqlalchemy.sql.dml import ReturningUpdate
 
 from skyway.runtime.metrics import Gauge
@@ -77,25 +76,6 @@ async def confirm(tx: Tx, message_ids: Sequence[str]) -> int:
 @lru_cache(maxsize=10)  # a service has one outbox
 def _delete_confirmed(outbox: Table) -> Delete:
     return outbox.delete().where(in_list(outbox.c.message_id, "message_ids"))
-
-
-@dataclass(frozen=True, slots=True)
-class WaitingMessages:
-    """The messages of a channel that are not sent, or not confirmed.
-
-    `oldest_wall_ms` is when the oldest of them was stored.
-    """
-
-    channel: str
-    messages: int
-    oldest_wall_ms: int
-
-
-async def waiting_messages(connection: AsyncConnection, outbox: Table) -> list[WaitingMessages]:
-    """What waits in the outbox, by channel."""
-    oldest = func.min(outbox.c.stored_wall_ms)
-    query = select(outbox.c.channel, func.count(), oldest).group_by(outbox.c.channel)
-    return [WaitingMessages(*row) for row in await connection.execute(query)]
 
 
 def claim_due(table: Table, channel: str) -> Claiming:
@@ -161,22 +141,18 @@ class OutboxGauges:
 
     async def read(self) -> list[Gauge]:
         """How many messages wait on each channel, and the age of the oldest."""
+        columns = self.table.c
+        query = select(columns.channel, func.count(), func.min(columns.stored_wall_ms))
         async with self.db.survey() as connection:
-            found = {each.channel: each for each in await waiting_messages(connection, self.table)}
-        readings = []
+            rows = await connection.execute(query.group_by(columns.channel))
+        found = {channel: (waiting, stored_ms / 1000) for channel, waiting, stored_ms in rows}
+        readings, now_s = [], time.time()
         for channel in self.channels:
-            waiting = found.get(channel)
-            oldest_wall_ms = None if waiting is None else waiting.oldest_wall_ms
-            age_s = 0.0 if oldest_wall_ms is None else time.time() - oldest_wall_ms / 1000
-            labels, messages = {"channel": channel}, 0 if waiting is None else waiting.messages
+            labels, (messages, stored_s) = {"channel": channel}, found.get(channel, (0, now_s))
+            age_s = max(now_s - stored_s, 0.0)
             about = "messages that are not sent, or not confirmed yet"
             readings += [
                 Gauge("skyway_outbox_depth", about, messages, labels),
-                Gauge(
-                    "skyway_outbox_age_seconds",
-                    "age of the oldest of them",
-                    max(age_s, 0.0),
-                    labels,
-                ),
+                Gauge("skyway_outbox_age_seconds", "age of the oldest of them", age_s, labels),
             ]
         return readings

@@ -50,13 +50,8 @@ async def ask_for_quote(
 
 
 def limits(terms: OfferTerms, hold: OfferHold | None) -> OfferLimits:
-    return OfferLimits(
-        provider_id=terms.provider_id,
-        price=terms.price,
-        within_s=terms.delivery_time_s,
-        hold=hold,
-        tariff=Tariff(),
-    )
+    same = {"provider_id": terms.provider_id, "price": terms.price}
+    return OfferLimits(**same, within_s=terms.delivery_time_s, hold=hold, tariff=Tariff())
 
 
 def held(terms: OfferTerms, hold_id: str = "hld_1", number: int = 0) -> OfferLimits:
