@@ -31,7 +31,7 @@ _MEASURES: Final = {
     "planner": _PLANNER,
     "forecast_plans": _PLANNER,
     "dispatch": _DISPATCH,
-    "live_hour": (*_DISPATCH, "services/skyway_composition/missions/calendar"),
+    "live_hour": (*_DISPATCH, "services/skyway_composition/missions/queue"),
 }
 
 _COMMAND: Final = re.compile(r"python -m skyway_lab (\w+)")

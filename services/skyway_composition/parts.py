@@ -24,12 +24,12 @@ from skyway_composition.missions.booking.book import Bookings
 from skyway_composition.missions.booking.hold_quote import HeldQuotes
 from skyway_composition.missions.booking.keep_offer import OfferKeeper
 from skyway_composition.missions.booking.turns import Turns
-from skyway_composition.missions.calendar.dispatching.dispatch import Dispatcher
-from skyway_composition.missions.calendar.dispatching.find_host import HostFinder
-from skyway_composition.missions.calendar.dispatching.find_order import DispatchTerms, OrderFinder
-from skyway_composition.missions.calendar.dispatching.search_process import SearchProcess
 from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.missions.following.handle_batch import ReportHandler
+from skyway_composition.missions.queue.dispatching.dispatch import Dispatcher
+from skyway_composition.missions.queue.dispatching.find_host import HostFinder
+from skyway_composition.missions.queue.dispatching.find_order import DispatchTerms, OrderFinder
+from skyway_composition.missions.queue.dispatching.search_process import SearchProcess
 from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.service_status import CountDrones, count_drones_at

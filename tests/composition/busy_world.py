@@ -11,8 +11,6 @@ from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
 from skyway_composition.links.listening import Listening
 from skyway_composition.missions.booking.book import Bookings
-from skyway_composition.missions.calendar.dispatching.find_host import HostFinder
-from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer, MissionImpact
 from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.missions.interventions.cancel import Cancellations
@@ -20,6 +18,8 @@ from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Command, Commands
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.store import MissionFilter, page
+from skyway_composition.missions.queue.dispatching.find_host import HostFinder
+from skyway_composition.missions.queue.keep_calendars import Calendars
 from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
 from skyway_composition.missions.timeouts import (

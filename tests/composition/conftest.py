@@ -13,10 +13,10 @@ import httpx
 import pytest
 from skyway_composition.app import composition_app
 from skyway_composition.links.listening import Listening
-from skyway_composition.missions.calendar.dispatching.find_order import DispatchTerms
-from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.following.handle_batch import ReportHandler
+from skyway_composition.missions.queue.dispatching.find_order import DispatchTerms
+from skyway_composition.missions.queue.keep_calendars import Calendars
 from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
 from skyway_composition.missions.timeouts import LateMissions, OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks

@@ -7,19 +7,19 @@ from collections.abc import Coroutine, Generator, Iterable, Mapping
 from datetime import datetime, timedelta
 from typing import Any, Final
 
-from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
-from skyway_composition.missions.calendar.dispatching.dispatch import Dispatcher
-from skyway_composition.missions.calendar.dispatching.find_order import DispatchTerms, OrderFinder
-from skyway_composition.missions.calendar.dispatching.judgement import ENERGY_S_PER_KWH
-from skyway_composition.missions.calendar.dispatching.search_process import (
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.share_views import missions_seen, owner_of
+from skyway_composition.missions.queue.dispatching.adopt import BetterOrder
+from skyway_composition.missions.queue.dispatching.dispatch import Dispatcher
+from skyway_composition.missions.queue.dispatching.find_order import DispatchTerms, OrderFinder
+from skyway_composition.missions.queue.dispatching.judgement import ENERGY_S_PER_KWH
+from skyway_composition.missions.queue.dispatching.search_process import (
     FoundOrder,
     Search,
     SearchFailed,
     SearchProcess,
     answer,
 )
-from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.share_views import missions_seen, owner_of
 from skyway_composition.networks.change_weather import WeatherChanges
 from skyway_composition.networks.prepared import PreparedNetworks
 

@@ -48,7 +48,7 @@ for error in ERRORS:
 print(json.dumps(codes))
 """
 
-SEARCH: Final = "skyway_composition.missions.calendar.dispatching.search_process"
+SEARCH: Final = "skyway_composition.missions.queue.dispatching.search_process"
 
 #: The arguments of every process that people, containers or other processes of Skyway start.
 MAINS: Final = {

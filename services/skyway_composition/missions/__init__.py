@@ -9,7 +9,7 @@ the lock on it, and what it sends to its drone and reports to others. On top of 
 - `interventions` are what people do to missions: load, command, cancel,
 - `closure_impact` finds the missions that a closure hits,
 - `timeouts` checks missions because time has passed,
-- `calendar` looks after the missions that wait behind other missions,
+- `queue` looks after the missions that wait behind other missions,
 - `schedule` shows the calendars of drones,
 - `tracking` shows missions and the tracks of deliveries.
 """

@@ -27,7 +27,7 @@ from tests.composition.busy_network import NETWORK_ID
 from tests.composition.busy_story import ACTIONS, BETWEEN_A_AND_B, Story
 from tests.composition.busy_world import BusyWorld
 from tests.composition.dispatched_world import PROVIDER, dispatcher_of
-from tests.composition.missions.calendar.booked_chain import book, request
+from tests.composition.missions.queue.booked_chain import book, request
 from tests.composition.watched_calendars import WatchedDatabase, calendars_in
 
 pytestmark = pytest.mark.databases("sqlite")

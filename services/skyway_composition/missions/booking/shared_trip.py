@@ -1,4 +1,4 @@
-"""The shared trips that booking can join; `missions.calendar` finds them."""
+"""The shared trips that booking can join; `missions.queue` finds them."""
 
 from typing import Protocol
 

@@ -8,7 +8,7 @@ from skyway_composition.missions.mission.store import queued_of_delivery
 
 from skyway.ids import DeliveryId
 from tests.composition.busy_world import BusyWorld
-from tests.composition.missions.calendar.booked_chain import request
+from tests.composition.missions.queue.booked_chain import request
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from skyway_composition.missions.booking.standby_store import unanswered
 
 from skyway.ids import MissionId, StationId
 from tests.composition.busy_world import BusyWorld
-from tests.composition.missions.calendar.booked_chain import (
+from tests.composition.missions.queue.booked_chain import (
     book,
     delivered_by,
     etas,

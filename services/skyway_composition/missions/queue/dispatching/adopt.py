@@ -1,0 +1,130 @@
+"""Saves a better order: all calendars that it changes, in one transaction, or nothing."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from skyway.ids import DroneId, MissionId, ProviderId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Tx
+from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.release_pads import restore_pads
+from skyway_composition.missions.mission.standby import end_standby_before, restore_standby
+from skyway_composition.missions.mission.step_store import replace_steps
+from skyway_composition.missions.mission.store import save_request
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report_left
+from skyway_composition.missions.queue.dispatching import store
+from skyway_composition.missions.queue.dispatching.fleet import Calendar, Fleet, Moments
+from skyway_composition.missions.queue.dispatching.judgement import Judgement
+from skyway_composition.missions.queue.dispatching.merger import Merge
+from skyway_composition.missions.queue.move_queued import give_back_pads, move
+from skyway_composition.missions.queue.plan_queue import Moved
+from skyway_composition.pads.store import lock_stations
+from skyway_composition.planning.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class BetterOrder:
+    """New plans for the waiting missions of a fleet, and the fleet as it was when they were made.
+
+    `moved` has an entry for each drone of the fleet. The guests of `merges` are in no entry.
+    """
+
+    fleet: Fleet
+    world: World
+    times: Moments
+    moved: Mapping[DroneId, Sequence[Moved]]
+    judgement: Judgement
+    merges: tuple[Merge, ...] = ()
+
+    @property
+    def provider_id(self) -> ProviderId:
+        """The provider of all drones of the fleet."""
+        return next(iter(self.fleet.calendars.values())).candidate.provider_id
+
+    @property
+    def seen(self) -> Snapshot:
+        """What the new plans depend on."""
+        calendars = self.fleet.calendars.items()
+        return Snapshot(self.world.present, {key: each.version for key, each in calendars})
+
+    @property
+    def first_start_ms(self) -> int:
+        """The start of the first mission that gets a new plan."""
+        return min(each.record.start.at_ms for moved in self.moved.values() for each in moved)
+
+
+async def adopt(tx: Tx, better: BetterOrder, *, clock: FleetClock, mint: Mint) -> None:
+    """Save the new plans and report them.
+
+    Raises
+    ------
+    WorldChanged
+        A calendar or the network has changed since the plans were made.
+    RowRefused
+        Another mission, or a held offer, has one of the pads now.
+    """
+    fleet, drone_ids, times = better.fleet, sorted(better.fleet.calendars), better.times
+    work = await MissionUnitOfWork.lock_as_seen(better.seen, tx=tx, clock=clock, mint=mint)
+    await work.change_calendars(drone_ids)
+    all_moved = [each for moved in better.moved.values() for each in moved]
+    # All in one order, because each mission locks its own stations later.
+    await lock_stations(tx, [pad for each in all_moved for pad in each.trip.booked_pads])
+    waiting = {each.mission_id: each for each in fleet.waiting}
+    await give_back_pads(tx, [*waiting.values()])
+    for merge in better.merges:
+        waiting[merge.host.mission_id] = merge.host
+        await _end_guests(work, merge)
+    for drone_id in drone_ids:
+        calendar, moved = fleet.calendars[drone_id], better.moved[drone_id]
+        await _save(work, calendar, moved, waiting, better.world, times=times)
+    for drone_id in drone_ids:
+        await restore_pads(tx, drone_id)
+        await _restore_standby(work, fleet.calendars[drone_id], better.moved[drone_id])
+
+
+async def _end_guests(work: MissionUnitOfWork, merge: Merge) -> None:
+    """Make guests of the missions whose packages the host carries; they have no pads any more.
+
+    A guest keeps the id under which the gateway knows the mission, and the numbers of its reports.
+    """
+    tx, host = work.tx, merge.host
+    await save_request(tx, host)
+    await store.save_promises(tx, host)
+    shares = {each.mission_id: each for each in host.shares}
+    for guest in merge.guests:
+        report_left(work, guest)
+        await work.custody.give(guest.mission_id, to=host.mission_id)
+        await replace_steps(tx, guest.mission_id, (), first_step=1, revision=1)
+        await store.delete_mission(tx, guest.mission_id)
+        store.add_guest(tx, host, shares[guest.mission_id])
+
+
+async def _save(
+    work: MissionUnitOfWork,
+    calendar: Calendar,
+    moved: Sequence[Moved],
+    waiting: Mapping[MissionId, MissionRecord],
+    world: World,
+    *,
+    times: Moments,
+) -> None:
+    """Save the new missions of one drone, after those that it keeps."""
+    if moved and calendar.kept:
+        until_ms = moved[0].record.start.at_ms - times.hand_over_ms
+        await end_standby_before(work.tx, calendar.kept[-1].mission_id, until_ms)
+    before = [] if calendar.live is None else [calendar.live.mission_id]
+    before += [each.mission_id for each in calendar.kept]
+    for each in moved:
+        mission_id = each.record.mission_id
+        await move(work, each, world.skyway, earlier=waiting[mission_id], before=before)
+        before.append(mission_id)
+
+
+async def _restore_standby(
+    work: MissionUnitOfWork, calendar: Calendar, moved: Sequence[Moved]
+) -> None:
+    """Have the standby of the drone's last mission planned again if no mission follows it now."""
+    if not moved and calendar.waiting:
+        await restore_standby(work, calendar.waiting[-1])

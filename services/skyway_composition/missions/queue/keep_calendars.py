@@ -1,0 +1,263 @@
+"""Looks after the calendars of drones: every QUEUED mission begins, moves, or is given up.
+
+One step looks at each drone whose next mission may begin, no longer fits, or was planned for a
+network that has changed since. The transaction that changes a calendar locks the drone's link, and
+checks again what was planned with.
+"""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from skyway.delivery.qos import QoS
+from skyway.ids import DroneId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import RowRefused
+from skyway.runtime.loops import Wake
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database, Tx
+from skyway.scheduling.stays import Slot
+from skyway.units import moment_to_ms
+from skyway_composition.calendar.commit import WorldChanged
+from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.margins import HAND_OVER, PLANS_QUEUE, REACHES, WAITS_FOR_DRONE
+from skyway_composition.missions.mission.end import refuse
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.release_pads import restore_pads
+from skyway_composition.missions.mission.store import queued_of_drone
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.queue import store
+from skyway_composition.missions.queue.move_queued import (
+    drop,
+    give_back_pads,
+    move,
+    send_next,
+    shorten_standby,
+)
+from skyway_composition.missions.queue.next_mission import (
+    GiveUp,
+    Leave,
+    PlanAgain,
+    Send,
+    Shorten,
+    Times,
+    decide,
+)
+from skyway_composition.missions.queue.plan_queue import Dropped, Moved, plan_queue
+from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
+from skyway_composition.networks.store import share_current
+from skyway_composition.planning.availability import send_ahead_ms
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.world import World
+
+log = logging.getLogger(__name__)
+
+#: A drone's next plan gets this many times the time of its last plan, but at most this many times
+#: the usual time. Our own choice.
+_TIMES_THE_LAST_PLAN: Final = 2
+_MOST_TIMES_THE_USUAL: Final = 32
+
+_NO_PLAN: Final = "its drone has had no plan for it for too long"
+
+
+@dataclass(frozen=True, slots=True)
+class _Calendar:
+    """A drone's live mission and its QUEUED missions in order, as read in one transaction."""
+
+    drone_id: DroneId
+    version: int
+    before: MissionRecord | None
+    queued: tuple[MissionRecord, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Calendars:
+    """Keeps the calendars of all drones.
+
+    A plan for an idle drone gets more time when the drone's last plan took long, so that a slow
+    machine sends its missions too.
+    """
+
+    db: Database
+    networks: PreparedNetworks
+    solver: SolverPool
+    clock: FleetClock
+    mint: Mint
+    #: By how much another plan may deliver after a promise, fleet seconds.
+    tolerance_s: float
+    #: Set when calendars have changed otherwise than planned: another order may be better now.
+    dispatches: Wake = field(default_factory=Wake)
+    #: How long the last plan for each drone took, fleet milliseconds.
+    _last_plan_took_ms: dict[DroneId, int] = field(default_factory=dict)
+
+    async def step(self) -> bool:
+        """Look at the drones whose next mission needs something; True when one has changed."""
+        times = self._times()
+        async with self.db.read() as connection:
+            drone_ids = await store.drones_to_look_at(
+                connection,
+                soon_ms=times.now_ms + times.send_ahead_ms,
+                hand_over_ms=times.hand_over_ms,
+                overdue_ms=times.now_ms - times.longest_wait_ms,
+            )
+        is_changed, failures = False, []
+        for drone_id in drone_ids:
+            try:
+                is_changed |= await self.look_at(drone_id)
+            except RowRefused as taken:
+                log.info("pad taken", extra={"drone_id": drone_id, "by": taken.constraint})
+            except Exception as error:  # noqa: BLE001 - one calendar must not stop the others
+                failures.append(error)
+        if failures:
+            raise ExceptionGroup("calendars not kept", failures)
+        return is_changed
+
+    async def look_at(self, drone_id: DroneId) -> bool:
+        """Do what the drone's next mission needs; True if its calendar needs another look."""
+        async with self.db.read() as connection:
+            seen = await queued_of_drone(connection, drone_id)
+        if not seen:
+            return False
+        async with self.db.write() as tx:
+            # I11: the world cannot change before the end of a transaction that sends a mission.
+            present = await share_current(tx, seen[0].network_id)
+            work = await self._lock(drone_id, tx)
+            calendar = await _read(work, drone_id)
+            if not calendar.queued or calendar.queued[0].network_id != seen[0].network_id:
+                return True
+            following = calendar.queued[0]
+            decision = decide(
+                following,
+                before=calendar.before,
+                link=work.links.get(drone_id),
+                is_planned_in_this_world=_planned_in(following) == present,
+                times=self._times(drone_id),
+            )
+            match decision:
+                case Send():
+                    await send_next(work, following)
+                case Shorten(until_ms=until_ms) if calendar.before is not None:
+                    await shorten_standby(work, calendar.before, until_ms=until_ms)
+                case GiveUp(detail=detail):
+                    tx.after_commit(self.dispatches.set)
+                    await refuse(work, following, code="DRONE_NOT_FREE", detail=detail)
+                case PlanAgain(slot=slot):
+                    pass
+                case Shorten() | Leave():
+                    return False
+        if isinstance(decision, PlanAgain):
+            return await self._plan_again(calendar, slot)
+        # The mission behind a mission that was given up is the next one now.
+        return isinstance(decision, GiveUp)
+
+    async def _plan_again(self, calendar: _Calendar, slot: Slot) -> bool:
+        first, began_ms = calendar.queued[0], moment_to_ms(self.clock.now())
+        skyway = await self.networks.current(first.network_id)
+        world = await World.of(
+            skyway,
+            self.db,
+            after_ms=moment_to_ms(self.clock.now()),
+            without=[
+                *(each.mission_id for each in calendar.queued),
+                *([] if calendar.before is None else [calendar.before.mission_id]),
+            ],
+        )
+        changed = await plan_queue(
+            self.solver,
+            world,
+            calendar.queued,
+            slot,
+            clock=self.clock,
+            tolerance_s=self.tolerance_s,
+        )
+        is_hopeless = not changed and self._times().is_overdue(first)
+        if not changed and not is_hopeless:
+            return False
+        seen = Snapshot(world.present, {calendar.drone_id: calendar.version})
+        async with self.db.write() as tx:
+            try:
+                work = await MissionUnitOfWork.lock_as_seen(
+                    seen, tx=tx, clock=self.clock, mint=self.mint
+                )
+            except WorldChanged:
+                return True
+            tx.after_commit(self.dispatches.set)
+            if is_hopeless:
+                await refuse(work, first, code="DRONE_NOT_FREE", detail=_NO_PLAN)
+            else:
+                await _apply(work, calendar, changed, skyway)
+                took_ms = moment_to_ms(self.clock.now()) - began_ms
+                self._last_plan_took_ms[calendar.drone_id] = took_ms
+                if calendar.before is None:
+                    await self._send_if_in_time(work, calendar.drone_id)
+        return True
+
+    async def _send_if_in_time(self, work: MissionUnitOfWork, drone_id: DroneId) -> None:
+        """Send the next mission with its new plan: at the next look it may be too late."""
+        following = next(iter(await queued_of_drone(work.tx.connection, drone_id)), None)
+        if following is None:
+            return
+        times = self._times(drone_id)
+        decision = decide(
+            following,
+            before=None,
+            link=work.links.get(drone_id),
+            is_planned_in_this_world=True,
+            # With more time to plan, the plan begins later than missions are usually sent.
+            times=replace(
+                times,
+                send_ahead_ms=max(times.send_ahead_ms, times.plan_ms),
+                send_waiting_ms=max(times.send_waiting_ms, times.plan_ms),
+            ),
+        )
+        if isinstance(decision, Send):
+            await send_next(work, following)
+
+    async def _lock(self, drone_id: DroneId, tx: Tx) -> MissionUnitOfWork:
+        return await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+
+    def _times(self, drone_id: DroneId | None = None) -> Times:
+        """The present times; for a drone, with the time that its plans need."""
+        usual_ms, reach_ms = PLANS_QUEUE.ms(self.clock), REACHES.ms(self.clock)
+        took_ms = 0 if drone_id is None else self._last_plan_took_ms.get(drone_id, 0)
+        needed_ms = reach_ms + _TIMES_THE_LAST_PLAN * took_ms
+        return Times(
+            now_ms=moment_to_ms(self.clock.now()),
+            reach_ms=reach_ms,
+            plan_ms=max(usual_ms, min(needed_ms, _MOST_TIMES_THE_USUAL * usual_ms)),
+            hand_over_ms=HAND_OVER.ms(self.clock),
+            send_ahead_ms=send_ahead_ms(self.clock),
+            send_waiting_ms=send_ahead_ms(self.clock, QoS(pooling=True, pooling_wait_s=1.0)),
+            longest_wait_ms=WAITS_FOR_DRONE.ms(self.clock),
+        )
+
+
+async def _read(work: MissionUnitOfWork, drone_id: DroneId) -> _Calendar:
+    queued = await queued_of_drone(work.tx.connection, drone_id)
+    version = work.links[drone_id].calendar_version
+    return _Calendar(drone_id, version, work.missions.get(drone_id), tuple(queued))
+
+
+async def _apply(
+    work: MissionUnitOfWork,
+    calendar: _Calendar,
+    changed: Sequence[Moved | Dropped],
+    skyway: PreparedNetwork,
+) -> None:
+    await give_back_pads(work.tx, [each.record for each in changed])
+    earlier = {each.mission_id: each for each in calendar.queued}
+    before = [] if calendar.before is None else [calendar.before.mission_id]
+    for each in changed:
+        mission_id = each.record.mission_id
+        if isinstance(each, Dropped):
+            await drop(work, each)
+        else:
+            await move(work, each, skyway, earlier=earlier[mission_id], before=before)
+            before.append(mission_id)
+    await restore_pads(work.tx, calendar.drone_id)
+
+
+def _planned_in(record: MissionRecord) -> tuple[int, int] | None:
+    planned_in = record.planned_in
+    return None if planned_in is None else (planned_in.version, planned_in.conditions)
