@@ -120,7 +120,12 @@ async def registered(db: Database, clock: ManualClock) -> Registry:
     """The registry of a new database."""
     ids = [DroneId(mint("drn")) for _ in range(DRONES)]
     provider = {"provider_id": "p", "name": "p", "tariff": "{}", "state": "ACTIVE", "created_ms": 0}
-    home = {"home_station_id": "s", "home_longitude_deg": 0.0, "home_latitude_deg": 0.0}
+    home = {
+        "network_id": "n",
+        "home_station_id": "s",
+        "home_longitude_deg": 0.0,
+        "home_latitude_deg": 0.0,
+    }
     rest = {"model_id": "m", "initial_soc": 1.0, "is_in_maintenance": False, "created_ms": 0}
     async with db.write() as tx:
         await tx.execute(providers.insert(), provider)

@@ -134,7 +134,8 @@ async def register(registry: Database, drone_ids: list[str]) -> None:
     order = ("connection_session", "connection_number", "connection_rank")
     none = dict.fromkeys((*order, "state_session", "state_seq", "sample_session", "sample_seq"), -1)
     home = {"home_station_id": "a", "home_longitude_deg": 0, "home_latitude_deg": 0}
-    drone = {"provider_id": PROVIDER, "model_id": "m", **home, "initial_soc": 1}
+    names = {"provider_id": PROVIDER, "model_id": "m", "network_id": "row"}
+    drone = {**names, **home, "initial_soc": 1}
     terms = {"name": "P", "tariff": "{}", "state": "ACTIVE"}
     async with registry.write() as tx:
         await tx.execute(providers.insert().values(provider_id=PROVIDER, **terms, created_ms=0))
