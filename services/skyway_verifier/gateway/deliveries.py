@@ -85,7 +85,7 @@ def _requested(text: str) -> tuple[str | None, dict[str, Any]]:
 
 def _differs(row: Any) -> bool:  # a row of missions
     body = json.loads(row.body)
-    price, begun_at = body["price"], body.get("booked_start_at") or body["start_at"]
+    price, begun_at = body["price"], body["booked_start_at"]
     return (
         not repeats(row, body, *_REPEATED)
         or differs(row, {"price_amount": price["amount"], "currency": price["currency"]})
