@@ -77,46 +77,12 @@ class Bookings:
         key = delivery_id, requested.attempt
         if (running := self.under_way.get(key)) is not None:
             return await asyncio.shield(running)  # the caller has given up the first call
+        attempt = _Attempt(self, delivery_id, requested)
         if requested.shortlist.is_empty:  # only a question: its answer is not that of a real call
-            return await self._timed(delivery_id, requested)
-        running = self.under_way[key] = asyncio.create_task(self._timed(delivery_id, requested))
+            return await attempt.book()
+        running = self.under_way[key] = asyncio.create_task(attempt.book())
         running.add_done_callback(lambda _: self.under_way.pop(key))
         return await asyncio.shield(running)
-
-    async def _timed(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
-        began_at = perf_counter()
-        booking = await self._book(delivery_id, requested)
-        about, took_s = "time of a booking, from request to outcome", perf_counter() - began_at
-        observe("skyway_booking_duration_seconds", about, took_s, outcome=booking.outcome)
-        return booking
-
-    async def _book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
-        own_hold = _hold_of(requested)
-        look = partial(self._look, delivery_id, requested, own_hold=own_hold)
-        seen = await look()
-        if seen.booked:
-            return Booking(outcome="BOOKED", missions=seen.booked)
-        if seen.around is None:
-            return pickup_unknown(requested)
-        loss: HoldLoss | None = None
-        if own_hold is not None:
-            booked = await self._book_held(delivery_id, requested, seen, seen.around)
-            if isinstance(booked, Booking):
-                return booked
-            loss = booked
-        commit = partial(self._book_offer, delivery_id, requested, own_hold=own_hold)
-        order = AskingOrder.of(delivery_id, requested, self.clock.now())
-        with self.turns.line_up(seen.around.network_id, order) as turn:
-            booking = await self.rounds.run(
-                requested,
-                seen,
-                turn,
-                look=look,
-                commit=commit,
-                join=partial(self._shared, delivery_id, requested),
-                own_hold=own_hold,
-            )
-        return booking if loss is None else with_hold_loss(booking, loss)
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
         """Close this delivery, so that nothing is booked for it, unless it has missions.
@@ -128,158 +94,163 @@ class Bookings:
                 missions = await store.missions_not_refused(tx.connection, delivery_id)
                 if missions:
                     return ClosedDelivery(is_closed=False, missions=missions)
-                await close_delivery(tx, delivery_id, moment_to_ms(self.clock.now()))
+                await close_delivery(tx, delivery_id, self.now_ms)
             return ClosedDelivery(is_closed=True)
 
-    async def _look(
-        self, delivery_id: DeliveryId, requested: BookMissions, *, own_hold: HoldId | None
-    ) -> FirstLook:
-        async with self.db.read() as connection:
+    @property
+    def now_ms(self) -> int:
+        """The fleet clock's present moment in milliseconds."""
+        return moment_to_ms(self.clock.now())
+
+
+@dataclass(frozen=True, slots=True)
+class _Attempt:
+    """One attempt to book a delivery."""
+
+    bookings: Bookings
+    delivery_id: DeliveryId
+    asked: BookMissions
+
+    @property
+    def own_hold(self) -> HoldId | None:
+        """The hold of the first attempt; a later one follows a mission that its drone refused."""
+        offer = self.asked.offer
+        if offer is None or offer.hold is None or self.asked.attempt > 1:
+            return None
+        return offer.hold.hold_id
+
+    async def book(self) -> Booking:
+        """The missions of this attempt, or why there are none."""
+        began_at = perf_counter()
+        booking = await self._booked()
+        about, took_s = "time of a booking, from request to outcome", perf_counter() - began_at
+        observe("skyway_booking_duration_seconds", about, took_s, outcome=booking.outcome)
+        return booking
+
+    async def look(self) -> FirstLook:
+        """What is booked for this attempt, and the calendars of the shortlist."""
+        async with self.bookings.db.read() as connection:
             return await first_look(
                 connection,
-                delivery_id,
-                attempt=requested.attempt,
-                drone_ids=requested.shortlist.drone_ids,
-                pickup=requested.request.pickup.station_id,
-                now_ms=self._now_ms(),
-                own_hold=own_hold,
+                self.delivery_id,
+                attempt=self.asked.attempt,
+                drone_ids=self.asked.shortlist.drone_ids,
+                pickup=self.asked.request.pickup.station_id,
+                now_ms=self.bookings.now_ms,
+                own_hold=self.own_hold,
             )
 
-    async def _book_held(
-        self,
-        delivery_id: DeliveryId,
-        requested: BookMissions,
-        seen: FirstLook,
-        present: Present,
-    ) -> Booking | HoldLoss:
-        """Book the offer as it is held; or why that cannot be done."""
-        hold_ref = None if requested.offer is None else requested.offer.hold
-        if hold_ref is None:
-            return "EXPIRED"
-        async with self.db.read() as connection:
-            hold = await find_hold(connection, hold_ref.hold_id)
-        held = held_offer(hold, hold_ref.number, now_ms=self._now_ms())
-        if held is None or requested.offer is None or not held.keeps(requested.offer):
-            return "EXPIRED"
-        now = await self.rounds.calendars(held.drone_ids, own_hold=hold_ref.hold_id)
-        loss = hold_loss(
-            held,
-            request=requested.request,
-            present=present,
-            now=now,
-            now_ms=self._now_ms(),
-        )
-        if loss is not None:
-            return loss
-        world = await World.at(present, self.networks, db=self.db, after_ms=self._now_ms())
-        found = _as_found(held, world, delivery_exists=seen.delivery_exists)
-        try:
-            async with self.db.write() as tx:
-                return await self._book_offer(
-                    delivery_id, requested, tx, found, own_hold=hold_ref.hold_id
-                )
-        except WorldChanged:
-            return "CALENDAR_CHANGED"
-        except RowRefused as refused:
-            about = {"delivery_id": delivery_id, "by": refused.constraint}
-            log.info("held offer could not be booked", extra=about)
-            return "CALENDAR_CHANGED"
-
-    async def _book_offer(
-        self,
-        delivery_id: DeliveryId,
-        requested: BookMissions,
-        tx: Tx,
-        found: FoundOffer,
-        *,
-        own_hold: HoldId | None,
-    ) -> Booking:
+    async def commit(self, tx: Tx, found: FoundOffer) -> Booking:
         """Reserve the drones and pads and send the missions, in one transaction."""
-        exists = found.delivery_exists
-        earlier = await claim_delivery(tx, delivery_id, requested.attempt, exists=exists)
+        bookings = self.bookings
+        earlier = await claim_delivery(
+            tx, self.delivery_id, self.asked.attempt, exists=found.delivery_exists
+        )
         if earlier is not None:
             return earlier
-        if own_hold is not None:
+        if self.own_hold is not None:
             # Locked before the network and the drones, as it is when it is deleted.
-            await lock_hold(tx, own_hold)
-        # I11: the version is checked inside the transaction and cannot change before its end.
+            await lock_hold(tx, self.own_hold)
         places = await claim(
             tx,
             found.offer,
             found.world,
             calendars=found.calendars,
-            clock=self.clock,
-            own_hold=own_hold,
+            clock=bookings.clock,
+            own_hold=self.own_hold,
             moves=found.moves,
         )
         if len(places) < len(found.offer.parts):
-            tx.after_commit(self.calendars.set)
+            tx.after_commit(bookings.calendars.set)
         missions = await engage(
             tx,
             found.offer,
             found.world,
             places=places,
-            delivery_id=delivery_id,
-            attempt=requested.attempt,
-            clock=self.clock,
-            mint=self.mint,
+            delivery_id=self.delivery_id,
+            attempt=self.asked.attempt,
+            clock=bookings.clock,
+            mint=bookings.mint,
         )
         return Booking(outcome="BOOKED", missions=missions)
 
-    async def _shared(
-        self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers, best: FoundOffer
+    async def join(
+        self, offers: Offers, best: FoundOffer
     ) -> Callable[[], Awaitable[Booking | None]] | None:
         """The function that joins a waiting mission; None if an offer is better."""
-        if self.shared is None:
-            return None
-        found = await self.shared.find(delivery_id, requested, offers)
-        return None if found is None else partial(self._join, delivery_id, requested, found, best)
+        shared = self.bookings.shared
+        found = None if shared is None else await shared.find(self.delivery_id, self.asked, offers)
+        return None if found is None else partial(self._join, found, best)
 
-    async def _join(
-        self, delivery_id: DeliveryId, requested: BookMissions, found: SharedTrip, best: FoundOffer
-    ) -> Booking | None:
+    async def _booked(self) -> Booking:
+        seen = await self.look()
+        if seen.booked:
+            return Booking(outcome="BOOKED", missions=seen.booked)
+        if seen.around is None:
+            return pickup_unknown(self.asked)
+        loss: HoldLoss | None = None
+        if self.own_hold is not None:
+            booked = await self._book_held(self.own_hold, seen, seen.around)
+            if isinstance(booked, Booking):
+                return booked
+            loss = booked
+        order = AskingOrder.of(self.delivery_id, self.asked, self.bookings.clock.now())
+        with self.bookings.turns.line_up(seen.around.network_id, order) as turn:
+            booking = await self.bookings.rounds.run(self, seen, turn)
+        return booking if loss is None else with_hold_loss(booking, loss)
+
+    async def _book_held(
+        self, own_hold: HoldId, seen: FirstLook, present: Present
+    ) -> Booking | HoldLoss:
+        """Book the offer as it is held; or why that cannot be done."""
+        bookings, offer = self.bookings, self.asked.offer
+        if offer is None or offer.hold is None:
+            return "EXPIRED"
+        async with bookings.db.read() as connection:
+            hold = await find_hold(connection, own_hold)
+        held = held_offer(hold, offer.hold.number, now_ms=bookings.now_ms)
+        if held is None or not held.keeps(offer):
+            return "EXPIRED"
+        now = await bookings.rounds.calendars(held.drone_ids, own_hold=own_hold)
+        loss = hold_loss(
+            held, request=self.asked.request, present=present, now=now, now_ms=bookings.now_ms
+        )
+        if loss is not None:
+            return loss
+        world = await World.at(present, bookings.networks, db=bookings.db, after_ms=bookings.now_ms)
+        found = _as_found(held, world, delivery_exists=seen.delivery_exists)
+        try:
+            async with bookings.db.write() as tx:
+                return await self.commit(tx, found)
+        except (RowRefused, WorldChanged) as changed:
+            about = {"delivery_id": self.delivery_id, "reason": repr(changed)}
+            log.info("held offer could not be booked", extra=about)
+            return "CALENDAR_CHANGED"
+
+    async def _join(self, found: SharedTrip, best: FoundOffer) -> Booking | None:
         """Join a waiting mission; None if anything has changed since it was planned."""
         try:
-            async with self.db.write() as tx:
-                booking = await self._book_shared(tx, delivery_id, requested, found, best)
+            async with self.bookings.db.write() as tx:
+                return await self._book_shared(tx, found, best)
         except (RowRefused, WorldChanged) as changed:
-            about = {"delivery_id": delivery_id, "reason": repr(changed)}
+            about = {"delivery_id": self.delivery_id, "reason": repr(changed)}
             log.info("shared trip could not be booked", extra=about)
             return None
-        return booking
 
-    async def _book_shared(
-        self,
-        tx: Tx,
-        delivery_id: DeliveryId,
-        requested: BookMissions,
-        found: SharedTrip,
-        best: FoundOffer,
-    ) -> Booking:
+    async def _book_shared(self, tx: Tx, found: SharedTrip, best: FoundOffer) -> Booking:
         earlier = await claim_delivery(
-            tx, delivery_id, requested.attempt, exists=best.delivery_exists
+            tx, self.delivery_id, self.asked.attempt, exists=best.delivery_exists
         )
         if earlier is not None:
             return earlier
-        mission = await found.join(tx, clock=self.clock, mint=self.mint)
-        tx.after_commit(self.calendars.set)
+        mission = await found.join(tx, clock=self.bookings.clock, mint=self.bookings.mint)
+        tx.after_commit(self.bookings.calendars.set)
         tx.after_commit(_count_shared)
         return Booking(outcome="BOOKED", missions=(mission,))
-
-    def _now_ms(self) -> int:
-        return moment_to_ms(self.clock.now())
 
 
 def _count_shared() -> None:
     count("skyway_shared_trips", "deliveries that joined the mission of another one")
-
-
-def _hold_of(requested: BookMissions) -> HoldId | None:
-    """The hold of the first attempt; a later one follows a mission that its drone refused."""
-    offer = requested.offer
-    if offer is None or offer.hold is None or requested.attempt > 1:
-        return None
-    return offer.hold.hold_id
 
 
 def _as_found(held: HeldOffer, world: World, *, delivery_exists: bool) -> FoundOffer:

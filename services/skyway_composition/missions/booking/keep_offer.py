@@ -6,7 +6,6 @@ itself.
 """
 
 from dataclasses import dataclass
-from functools import partial
 
 from skyway.contracts.mission import Booking, OfferHold
 from skyway.contracts.quote import HoldLoss, KeepOffer, KeptOffer
@@ -34,6 +33,7 @@ from skyway_composition.missions.booking.outcome import with_hold_loss
 from skyway_composition.missions.booking.rounds import FoundOffer, Rounds
 from skyway_composition.missions.booking.store import FirstLook, first_look
 from skyway_composition.missions.booking.turns import AskingOrder, Turns
+from skyway_composition.planning.offer import Offers
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,26 +50,17 @@ class OfferKeeper:
 
         A repeated call finds what an earlier one has held, whose caller may have died.
         """
-        accepted = asked.offer.hold or OfferHold(hold_id=asked.hold_id, number=0)
-        own_hold = accepted.hold_id
-        look = partial(self._look, asked, own_hold=own_hold)
-        seen = await look()
-        loss = await self._extend(asked, accepted, seen)
+        acceptance = _Acceptance(self, asked)
+        seen = await acceptance.look()
+        loss = await acceptance.extend(seen)
         if loss is None:
-            return KeptOffer(hold=accepted)
+            return KeptOffer(hold=acceptance.accepted)
         if seen.around is None:
             return KeptOffer(hold=None)
         rank = PRIORITY_RANKS[asked.request.qos.priority]
         order = AskingOrder(rank, self.clock.now(), DeliveryId(asked.hold_id))
         with self.turns.line_up(seen.around.network_id, order) as turn:
-            done = await self.rounds.run(
-                asked,
-                seen,
-                turn,
-                look=look,
-                commit=partial(self._hold, asked, own_hold=own_hold),
-                own_hold=own_hold,
-            )
+            done = await self.rounds.run(acceptance, seen, turn)
         if not isinstance(done, Booking):
             return KeptOffer(hold=done)
         lost = done if asked.offer.hold is None else with_hold_loss(done, loss)
@@ -87,68 +78,86 @@ class OfferKeeper:
 
         No reader counts them any more, but the database still refuses other rows for their pads.
         """
-        await delete_expired(self.db, now_ms=self._now_ms())
+        await delete_expired(self.db, now_ms=self.now_ms)
         return False
 
-    async def _look(self, asked: KeepOffer, *, own_hold: HoldId) -> FirstLook:
-        async with self.db.read() as connection:
+    @property
+    def now_ms(self) -> int:
+        """The fleet clock's present moment in milliseconds."""
+        return moment_to_ms(self.clock.now())
+
+
+@dataclass(frozen=True, slots=True)
+class _Acceptance:
+    """One offer that a customer accepts."""
+
+    keeper: OfferKeeper
+    asked: KeepOffer
+
+    @property
+    def accepted(self) -> OfferHold:
+        """What is held for the offer, or will be."""
+        return self.asked.offer.hold or OfferHold(hold_id=self.asked.hold_id, number=0)
+
+    @property
+    def own_hold(self) -> HoldId:
+        """The hold of the offer."""
+        return self.accepted.hold_id
+
+    async def look(self) -> FirstLook:
+        """The calendars of the shortlist."""
+        async with self.keeper.db.read() as connection:
             return await first_look(
                 connection,
-                DeliveryId(asked.hold_id),
+                DeliveryId(self.asked.hold_id),
                 attempt=1,
-                drone_ids=asked.shortlist.drone_ids,
-                pickup=asked.request.pickup.station_id,
-                now_ms=self._now_ms(),
-                own_hold=own_hold,
+                drone_ids=self.asked.shortlist.drone_ids,
+                pickup=self.asked.request.pickup.station_id,
+                now_ms=self.keeper.now_ms,
+                own_hold=self.own_hold,
             )
 
-    async def _extend(
-        self, asked: KeepOffer, accepted: OfferHold, seen: FirstLook
-    ) -> HoldLoss | None:
+    async def extend(self, seen: FirstLook) -> HoldLoss | None:
         """Hold the offer until it is booked; or why it cannot be booked as it is held."""
-        async with self.db.read() as connection:
-            hold = await find_hold(connection, accepted.hold_id)
-        held = held_offer(hold, accepted.number, now_ms=self._now_ms())
+        keeper, asked = self.keeper, self.asked
+        async with keeper.db.read() as connection:
+            hold = await find_hold(connection, self.own_hold)
+        held = held_offer(hold, self.accepted.number, now_ms=keeper.now_ms)
         if held is None or seen.around is None or not held.keeps(asked.offer):
             return "EXPIRED"
         if not _are_candidates(held, asked.shortlist.drone_ids):
             return "DRONE_NOT_FREE"
-        now = await self.rounds.calendars(held.drone_ids, own_hold=accepted.hold_id)
+        now = await keeper.rounds.calendars(held.drone_ids, own_hold=self.own_hold)
         loss = hold_loss(
-            held,
-            request=asked.request,
-            present=seen.around,
-            now=now,
-            now_ms=self._now_ms(),
+            held, request=asked.request, present=seen.around, now=now, now_ms=keeper.now_ms
         )
         if loss is not None:
             return loss
-        async with self.db.write() as tx:
-            locked = await lock_hold(tx, accepted.hold_id)
-            if locked is None or locked.until_ms <= self._now_ms():
+        async with keeper.db.write() as tx:
+            locked = await lock_hold(tx, self.own_hold)
+            if locked is None or locked.until_ms <= keeper.now_ms:
                 return "EXPIRED"
             if locked.until_ms < self._until_ms():
-                await extend_hold(tx, accepted.hold_id, until_ms=self._until_ms())
+                await extend_hold(tx, self.own_hold, until_ms=self._until_ms())
         return None
 
-    async def _hold(
-        self, asked: KeepOffer, tx: Tx, found: FoundOffer, *, own_hold: HoldId
-    ) -> OfferHold:
+    async def commit(self, tx: Tx, found: FoundOffer) -> OfferHold:
+        """Hold the best offer instead of what was held before."""
         held = HeldOffer.of(found.offer, found.world.present)
-        hold = Hold(own_hold, self._until_ms(), (held,))
+        hold = Hold(self.own_hold, self._until_ms(), (held,))
         # The hold is locked first, in the same order as when a hold is deleted.
-        await lock_hold(tx, own_hold)
+        await lock_hold(tx, self.own_hold)
         pads = await claim_for_hold(
-            tx, [held], found.world.present, found.calendars, own_hold=own_hold
+            tx, [held], found.world.present, found.calendars, own_hold=self.own_hold
         )
-        await add_hold(tx, hold, customer_id=asked.customer_id, slot=None, pads=pads)
-        return OfferHold(hold_id=own_hold, number=0)
+        await add_hold(tx, hold, customer_id=self.asked.customer_id, slot=None, pads=pads)
+        return OfferHold(hold_id=self.own_hold, number=0)
 
-    def _now_ms(self) -> int:
-        return moment_to_ms(self.clock.now())
+    async def join(self, offers: Offers, best: FoundOffer) -> None:
+        """An offer that is accepted joins no other mission."""
 
     def _until_ms(self) -> int:
-        return self._now_ms() + ACCEPTED_IS_BOOKED.ms(self.clock)
+        return self.keeper.now_ms + ACCEPTED_IS_BOOKED.ms(self.keeper.clock)
 
 
 def _are_candidates(held: HeldOffer, drone_ids: tuple[DroneId, ...]) -> bool:

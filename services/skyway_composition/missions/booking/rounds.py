@@ -9,7 +9,7 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, TypeVar
+from typing import Final, Protocol, TypeVar
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import Booking, BookMissions
@@ -40,7 +40,7 @@ from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
 
-DoneT = TypeVar("DoneT")
+DoneT_co = TypeVar("DoneT_co", covariant=True)
 
 #: Rounds before the answer is that all drones or pads are taken (docs/reference/booking.md).
 _MOST_ROUNDS: Final = 5
@@ -62,17 +62,36 @@ class FoundOffer:
     delivery_exists: bool
     moves: tuple[MovedStandby, ...] = ()
 
-
-#: Reads the state that a round begins with.
-Look = Callable[[], Awaitable[FirstLook]]
-
-#: Commits a found offer in a transaction; it raises `WorldChanged` when another round is needed.
-Commit = Callable[[Tx, FoundOffer], Awaitable[DoneT]]
+    def check_start(self, now_ms: int) -> None:
+        """Raise `WorldChanged` if its missions should have begun before now."""
+        if self.begins_ms < now_ms:
+            raise WorldChanged
 
 
-#: Finds a waiting mission that the request can join, if that is better than all these offers.
-#: Returns the function that commits it. The found offer is the best of these offers.
-Join = Callable[[Offers, FoundOffer], Awaitable[Callable[[], Awaitable[DoneT | None]] | None]]
+class Cause(Protocol[DoneT_co]):
+    """Why trips are planned: what was asked for, and how the best offer is committed.
+
+    The drones and pads of `own_hold` count as free.
+    """
+
+    @property
+    def asked(self) -> BookMissions | KeepOffer:
+        """What was asked for."""
+
+    @property
+    def own_hold(self) -> HoldId | None:
+        """The hold that ends when an offer is committed; None without one."""
+
+    async def look(self) -> FirstLook:
+        """The state that a round begins with."""
+
+    async def commit(self, tx: Tx, found: FoundOffer) -> DoneT_co:
+        """Commit the best offer. Raises `WorldChanged` if it must be planned again."""
+
+    async def join(
+        self, offers: Offers, best: FoundOffer
+    ) -> Callable[[], Awaitable[DoneT_co | None]] | None:
+        """The function that joins a waiting mission; None if the best of these offers is better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,25 +119,20 @@ class Rounds:
 
     async def run(
         self,
-        asked: BookMissions | KeepOffer,
+        cause: Cause[DoneT_co],
         seen: FirstLook,
         turn: Turn,
-        *,
-        look: Look,
-        commit: Commit[DoneT],
-        join: Join[DoneT] | None = None,
-        own_hold: HoldId | None = None,
-    ) -> DoneT | Booking:
-        """The result of `commit` for the best offer, why there is none, or the earlier booking.
+    ) -> DoneT_co | Booking:
+        """What the best offer is committed to, why there is none, or the earlier booking.
 
-        The first round plans with `seen`; each later round reads the state again. The drones and
-        pads of `own_hold` count as free. `join` comes first: its result counts if it has one.
+        The first round plans with `seen`; each later round reads the state again.
         """
+        asked, own_hold = cause.asked, cause.own_hold
         reasons: tuple[ProviderReason, ...] = ()
         search = self._search()
         for round_number in range(_MOST_ROUNDS):
             if round_number:
-                seen = await look()
+                seen = await cause.look()
             if seen.booked:
                 return Booking(outcome="BOOKED", missions=seen.booked)
             if seen.around is None:
@@ -131,14 +145,7 @@ class Rounds:
                 asked, world, round_number, delivery_exists=seen.delivery_exists
             )
             done, reasons = await self._commit_best(
-                asked,
-                this_round,
-                seen.calendars,
-                turn,
-                search=search,
-                commit=commit,
-                join=join,
-                own_hold=own_hold,
+                cause, this_round, seen.calendars, turn, search=search
             )
             if done is not None:
                 return done
@@ -185,18 +192,15 @@ class Rounds:
 
     async def _commit_best(
         self,
-        asked: BookMissions | KeepOffer,
+        cause: Cause[DoneT_co],
         this_round: _Round,
         calendars: SeenCalendars,
         turn: Turn,
         *,
         search: WaySearch,
-        commit: Commit[DoneT],
-        join: Join[DoneT] | None,
-        own_hold: HoldId | None,
-    ) -> tuple[DoneT | Booking | None, tuple[ProviderReason, ...]]:
+    ) -> tuple[DoneT_co | Booking | None, tuple[ProviderReason, ...]]:
         """The result of committing the best free offer; None if a new round is needed."""
-        finder = self._finder(this_round)
+        asked, finder = cause.asked, self._finder(this_round)
         while True:
             # The finder keeps the trips that it has composed.
             offers = await self._offers(finder, asked, this_round, calendars.missions)
@@ -223,13 +227,14 @@ class Rounds:
                 this_round.delivery_exists,
                 () if way is None else way.moves,
             )
-            shared = await join(offers, found) if join else None
+            shared = await cause.join(offers, found)
             await turn.comes()
             if shared is not None and (joined := await shared()) is not None:
                 return joined, offers.reasons
             try:
                 async with self.db.write() as tx:
-                    return await self._commit(tx, found, commit), offers.reasons
+                    found.check_start(moment_to_ms(self.clock.now()))
+                    return await cause.commit(tx, found), offers.reasons
             except RowRefused as taken:
                 about = {"delivery_id": turn.order.delivery_id, "by": taken.constraint}
                 log.info("offer taken", extra=about)
@@ -243,7 +248,9 @@ class Rounds:
                 if not changed.drones:
                     return None, offers.reasons
                 # The pads may still be free: plan with the calendars as they are now.
-                calendars = await self.calendars(this_round.shortlist.drone_ids, own_hold=own_hold)
+                calendars = await self.calendars(
+                    this_round.shortlist.drone_ids, own_hold=cause.own_hold
+                )
 
     def _finder(self, this_round: _Round) -> TripFinder:
         begins_ms, latest_ms = this_round.begins_ms, this_round.limits.latest_ms
@@ -287,11 +294,6 @@ class Rounds:
     def _search(self) -> WaySearch:
         requests = StandbyRequests(self.db, self.networks, self.solver, self.clock, self.mint)
         return WaySearch(self.db, self.solver, self.clock, requests, self.pause)
-
-    async def _commit(self, tx: Tx, found: FoundOffer, commit: Commit[DoneT]) -> DoneT:
-        if found.begins_ms < moment_to_ms(self.clock.now()):
-            raise WorldChanged
-        return await commit(tx, found)
 
 
 def _count_conflict(by: str) -> None:
