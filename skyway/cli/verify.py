@@ -10,8 +10,6 @@ import typer
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_folder
 from skyway.cli.gateway import fail
-from skyway.cli.system.cells import cells_of
-from skyway.cli.system.databases import named_databases
 from skyway.errors import InvalidInput, SkywayError
 
 if TYPE_CHECKING:
@@ -64,6 +62,9 @@ def verify_command(
 def _chosen(folder: DataFolder, databases: Sequence[str], cells: Sequence[str]) -> dict[str, str]:
     """The URL of each database by its name: its service, or which cell it is of."""
     from skyway_verifier.cross_rule import cell_name
+
+    from skyway.cli.system.cells import cells_of
+    from skyway.cli.system.databases import named_databases
 
     of_cells = [*cells]
     if databases:

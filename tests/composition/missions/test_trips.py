@@ -253,4 +253,5 @@ def _limits(offer: Any, *, price: int | None = None, within_s: float | None = No
         "provider_id": offer.provider_id,
         "price": {"amount": amount, "currency": offer.price.currency},
         "within_s": offer.delivery_time_s if within_s is None else within_s,
+        "tariff": {},
     }
