@@ -14,14 +14,14 @@ from tools.house_figures import ROOT, source_files
 from tools.trace_delivery import domain_files, own_calls, traced_calls
 
 #: Lines of source without migrations, by folder.
-MOST_LINES: Final = {"services/skyway_composition": 31_831, "skyway/runtime": 11_633}
+MOST_LINES: Final = {"services/skyway_composition": 31_813, "skyway/runtime": 11_633}
 
 #: Files of composition that import `MissionRecord`.
 MOST_IMPORTERS: Final = 59
 
-#: Files that a delivery passes, as `tools/trace_delivery.py` counts them: 183, up to 201 on a busy
+#: Files that a delivery passes, as `tools/trace_delivery.py` counts them: 188, up to 206 on a busy
 #: machine, where a late drone gets another plan.
-MOST_DOMAIN_FILES: Final = 205
+MOST_DOMAIN_FILES: Final = 210
 
 
 @pytest.mark.parametrize("folder", MOST_LINES)
