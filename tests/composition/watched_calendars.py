@@ -22,13 +22,9 @@ class SeenCalendar:
 
 
 class WatchedDatabase(Database):
-    """Composition's database; after each transaction it compares all calendars with those before.
-
-    `changes` counts the changed calendars.
-    """
+    """Composition's database; after each transaction it compares all calendars with the last."""
 
     calendars: dict[DroneId, SeenCalendar] | None = None
-    changes = 0
 
     @asynccontextmanager
     async def write(self) -> AsyncIterator[Tx]:
@@ -38,7 +34,6 @@ class WatchedDatabase(Database):
         for drone_id, now in self.calendars.items():
             seen = before.get(drone_id)
             if seen is not None and seen.content != now.content:
-                self.changes += 1
                 assert seen.version < now.version, (drone_id, seen, now)
 
 
