@@ -113,12 +113,17 @@ COMMAND_LINE: Final = (
     Row("SKYWAY_MQTT_DRONE_URL", "text", "", "The own broker's listener for drones and customers."),
     Row("SKYWAY_MQTT_TLS_URL", "text", "port 8883", "Its TLS listener (`skyway secrets`)."),
     Row("SKYWAY_GATEWAY_URL", "text", "from `keys.env`", "The gateway that commands ask."),
-    Row("SKYWAY_OPERATOR_KEY", "text", "from `keys.env`", "The key of operators' commands."),
+    Row(
+        "SKYWAY_OPERATOR_KEY",
+        "text",
+        "from `keys.env`",
+        "The key with which commands call, also those of providers and customers, where it is set.",
+    ),
     Row(
         "SKYWAY_PROVIDER_KEY",
         "text",
         "-",
-        "The key with which `skyway console --role provider` calls.",
+        "The key with which a provider's commands call, if no operator's key is set.",
     ),
     Row("SKYWAY_METRICS_KEY", "text", "from `keys.env`", "The key of `/metrics`."),
     Row(

@@ -9,8 +9,6 @@ import typer
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import call_gateway, fail
 
-_OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
-
 #: How many alarms are listed, the newest first.
 _MOST_SHOWN: Final = 200
 
@@ -70,4 +68,4 @@ def _line(alarm: dict[str, Any]) -> str:
 
 def _call(folder: DataFolder, method: str, path: str, body: object = None) -> Any:  # any JSON
     encoded = None if body is None else json.dumps(body).encode()
-    return call_gateway(method, path, key_name=_OPERATOR_KEY, folder=folder, body=encoded)
+    return call_gateway(method, path, folder=folder, body=encoded)

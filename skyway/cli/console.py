@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from skyway.cli.data_folder import DataOption, data_folder
-from skyway.cli.gateway import call_gateway, fail, needed_settings
+from skyway.cli.gateway import call_gateway, fail, gateway_and_key, read_keys
 
 
 class ConsoleRole(StrEnum):
@@ -19,13 +19,16 @@ class ConsoleRole(StrEnum):
 
 def console_command(
     role: Annotated[
-        ConsoleRole,
-        typer.Option(help="Whose key the console calls with: SKYWAY_PROVIDER_KEY and so on."),
-    ] = ConsoleRole.OPERATOR,
+        ConsoleRole | None,
+        typer.Option(
+            help="Whose key the console calls with: SKYWAY_PROVIDER_KEY and so on. Without it the"
+            " first that is set: operator, provider, customer."
+        ),
+    ] = None,
     data: DataOption = None,
 ) -> None:
     """Print a link to the console that logs a browser in once, within ten minutes."""
-    key_name = f"SKYWAY_{role.name}_KEY"
+    key_name = None if role is None else f"SKYWAY_{role.name}_KEY"
     link = call_gateway("POST", "/v1/session-links", key_name=key_name, folder=data_folder(data))
     typer.echo(link["url"])
 
@@ -38,9 +41,10 @@ def top_command(
     from skyway.cli.top import watch
     from skyway.cli.top_reader import NoAnswer, TopReader
 
-    settings = needed_settings(data_folder(data), "SKYWAY_GATEWAY_URL", "SKYWAY_OPERATOR_KEY")
-    url, key = settings["SKYWAY_GATEWAY_URL"], settings["SKYWAY_OPERATOR_KEY"]
-    with TopReader(url, key=key, metrics_key=settings.get("SKYWAY_METRICS_KEY")) as reader:
+    folder = data_folder(data)
+    url, key = gateway_and_key(folder)
+    metrics_key = read_keys(folder).get("SKYWAY_METRICS_KEY")
+    with TopReader(url, key=key, metrics_key=metrics_key) as reader:
         try:
             watch(reader, once=once)
         except NoAnswer as error:

@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 import typer
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_folder
-from skyway.cli.gateway import read_keys
+from skyway.cli.gateway import chosen_key, read_keys
 from skyway.errors import SkywayError
 
 if TYPE_CHECKING:
@@ -133,9 +133,9 @@ def _broker(folder: DataFolder, *, is_running: bool) -> Finding:
     from skyway.cli.system.children import named_broker
 
     named = named_broker()
-    if named is None and not is_running:
-        return Finding("broker", f"{_EMBEDDED_BROKER}: skyway up starts it")
     settings = read_keys(folder)
+    if named is None and not (is_running and settings.get("SKYWAY_MQTT_URL")):
+        return Finding("broker", f"{_EMBEDDED_BROKER}: skyway up starts it")
     # Where services have a listener of their own, operators cannot log in there.
     url = os.environ.get("SKYWAY_MQTT_DRONE_URL") or named or settings.get("SKYWAY_MQTT_URL", "")
     what = f"the broker at {url}" if named else f"{_EMBEDDED_BROKER} at {url}"
@@ -199,13 +199,16 @@ def _contents(folder: DataFolder) -> Iterator[Finding]:
     import httpx
 
     settings = read_keys(folder)
-    url, key = settings["SKYWAY_GATEWAY_URL"], settings.get("SKYWAY_OPERATOR_KEY", "")
+    url, key_name = settings["SKYWAY_GATEWAY_URL"], chosen_key(settings)
+    if key_name is None:
+        yield Finding("keys", "no key is set: skyway up writes keys.env", is_trouble=True)
+        return
     requested = {
         "networks": "no network is published: skyway network import bundled",
         "providers": "no provider is registered: skyway fleet --drones 10",
     }
     for subject, advice in requested.items():
-        headers = {"Authorization": f"Bearer {key}"}
+        headers = {"Authorization": f"Bearer {settings[key_name]}"}
         try:
             answer = httpx.get(
                 f"{url}/v1/{subject}?limit=1", headers=headers, timeout=_ANSWERS_WITHIN_S

@@ -5,7 +5,7 @@ import re
 import shlex
 import time
 import uuid
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NoReturn, Self
 
@@ -22,9 +22,16 @@ _URL = "SKYWAY_GATEWAY_URL"
 #: Seconds; the gateway needs a while to check and store a network of many thousand stations.
 _TIMEOUT_S = 120.0
 
+#: Items of one page of the gateway's lists: the most that it gives.
+_PAGE: Final = 200
+
 #: How long a command waits for a system that starts, and how often it looks, wall seconds.
 _STARTS_WITHIN_S: Final = 600.0
 _LOOK_EVERY_S: Final = 0.2
+
+#: The keys that a command may call with. Unless it names one, it takes the first that is set, and
+#: looks in the environment before keys.env.
+_KEYS: Final = ("SKYWAY_OPERATOR_KEY", "SKYWAY_PROVIDER_KEY", "SKYWAY_CUSTOMER_KEY")
 
 #: Names the cells whose part of a list is missing (docs/reference/rest.md).
 _SILENT_CELLS = "Skyway-Silent-Cells"
@@ -37,15 +44,16 @@ def call_gateway(
     method: str,
     path: str,
     *,
-    key_name: str,
     folder: DataFolder,
+    key_name: str | None = None,
     body: bytes | None = None,
     idempotency_key: str | None = None,
     options: Mapping[str, str] = MappingProxyType({}),
 ) -> Any:
     """The JSON that the gateway answers: any JSON value, which the route documents.
 
-    `options` has the command's option for each field that has one: messages name the option.
+    `key_name` is the setting with the key; without it, `gateway_and_key` chooses. `options` has
+    the command's option for each field that has one: messages name the option.
 
     The command ends with a message on standard error when a setting is missing, when the gateway
     cannot be reached, and when it answers with a problem.
@@ -55,19 +63,33 @@ def call_gateway(
     headers = {} if body is None else {"Content-Type": "application/json"}
     if idempotency_key is not None:
         headers["Idempotency-Key"] = idempotency_key
-    settings = needed_settings(folder, _URL, key_name)
-    headers["Authorization"] = f"Bearer {settings[key_name]}"
-    url = settings[_URL] + path
+    url, key = gateway_and_key(folder, key_name)
+    headers["Authorization"] = f"Bearer {key}"
     try:
-        answer = httpx.request(method, url, content=body, headers=headers, timeout=_TIMEOUT_S)
+        answer = httpx.request(
+            method, url + path, content=body, headers=headers, timeout=_TIMEOUT_S
+        )
     except (httpx.TransportError, httpx.InvalidURL) as error:
-        fail(f"no answer from {settings[_URL]}: {error}. Is `skyway up` running?")
+        fail(f"no answer from {url}: {error}. Is `skyway up` running?")
     if not answer.is_success:
         problem = _with_options(_problem(answer), options)
         fail(f"{method} {path} was answered {answer.status_code}: {problem}")
     if silent := answer.headers.get(_SILENT_CELLS):
         typer.echo(f"without {silent}, which gave no answer", err=True)
     return answer.json() if answer.content else None
+
+
+def list_items(folder: DataFolder, path: str, **about: Any) -> Iterator[dict[str, Any]]:
+    """All items of a list, page by page; `about` is passed to `call_gateway`.
+
+    The route documents the JSON of an item.
+    """
+    cursor: str | None = ""
+    while cursor is not None:
+        after = cursor and f"&cursor={cursor}"
+        page = call_gateway("GET", f"{path}?limit={_PAGE}{after}", folder=folder, **about)
+        yield from page["items"]
+        cursor = page["next_cursor"]
 
 
 def _wait_for_start(folder: DataFolder) -> None:
@@ -139,6 +161,31 @@ def needed_settings(folder: DataFolder, *names: str) -> dict[str, str]:
                 "skyway up writes that file"
             )
     return settings
+
+
+def gateway_and_key(folder: DataFolder, key_name: str | None = None) -> tuple[str, str]:
+    """The gateway's URL, and the key of this setting.
+
+    Without a name it is the operator's key, else the provider's, else the customer's; keys of the
+    environment come before those of keys.env. The command ends with a message when one is missing.
+    """
+    if key_name is not None:
+        settings = needed_settings(folder, _URL, key_name)
+        return settings[_URL], settings[key_name]
+    settings = needed_settings(folder, _URL)
+    chosen = chosen_key(settings)
+    if chosen is None:
+        fail(
+            f"neither {' nor '.join(_KEYS)} is set, in the environment or in {folder.keys_file}; "
+            "skyway up writes that file"
+        )
+    return settings[_URL], settings[chosen]
+
+
+def chosen_key(settings: Mapping[str, str]) -> str | None:
+    """The setting with the key that a command calls with when it names none; None without keys."""
+    places = (os.environ, settings)
+    return next((name for place in places for name in _KEYS if place.get(name)), None)
 
 
 def _settings(variables: Mapping[str, str]) -> dict[str, str]:

@@ -15,8 +15,6 @@ mission_app: Final = typer.Typer(
     no_args_is_help=True,
 )
 
-_OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
-
 MissionArgument = Annotated[str, typer.Argument(help="The id of the mission.")]
 WhyOption = Annotated[str, typer.Option("--reason", help="Why, for reports and the drone's log.")]
 OverrideOption = Annotated[
@@ -99,7 +97,6 @@ def _command(
     answer = call_gateway(
         "POST",
         f"{path}?dry_run=true" if dry_run else path,
-        key_name=_OPERATOR_KEY,
         folder=data_folder(data),
         body=json.dumps(body).encode(),
     )

@@ -18,7 +18,7 @@ _FROM_NOW: Final = re.compile(
 ReadMoment = Callable[[str, str], str]
 
 
-def moment_reader(folder: DataFolder, *, key_name: str) -> ReadMoment:
+def moment_reader(folder: DataFolder, *, key_name: str | None = None) -> ReadMoment:
     """A reader of moments; the gateway of the folder says what the fleet time is, if need be.
 
     The command ends with a message at a text that is not a moment.
@@ -41,6 +41,6 @@ def _moment(text: str, option: str, *, now: Callable[[], datetime]) -> str:
     return moment.isoformat()
 
 
-def _fleet_now(folder: DataFolder, key_name: str) -> datetime:
+def _fleet_now(folder: DataFolder, key_name: str | None) -> datetime:
     clock = call_gateway("GET", "/v1/clock", key_name=key_name, folder=folder)
     return datetime.fromisoformat(clock["now"])

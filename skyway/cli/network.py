@@ -33,7 +33,6 @@ _SEGMENT_KM = 20.0
 _CITY_STATIONS = 100
 _CITY_SEED = 1
 
-_OPERATOR_KEY = "SKYWAY_OPERATOR_KEY"
 
 _FileArgument = Annotated[
     str,
@@ -124,7 +123,6 @@ def publish(
     answer = call_gateway(
         "PUT",
         _path(network_id),
-        key_name=_OPERATOR_KEY,
         folder=data_folder(data),
         body=text.encode(),
     )
@@ -137,7 +135,6 @@ def fetch(network_id: _NetworkIdOption, data: DataOption = None) -> None:
     answer = call_gateway(
         "GET",
         _path(network_id),
-        key_name=_OPERATOR_KEY,
         folder=data_folder(data),
     )
     typer.echo(json.dumps(answer))
@@ -149,7 +146,6 @@ def show_status(network_id: _NetworkIdOption = BUNDLED_NETWORK_ID, data: DataOpt
     answer = call_gateway(
         "GET",
         f"{_path(network_id)}/status",
-        key_name=_OPERATOR_KEY,
         folder=data_folder(data),
     )
     for line in _status_lines(answer):
@@ -188,7 +184,6 @@ def weather(
     answer = call_gateway(
         "DELETE" if remove else "GET" if file is None else "PUT",
         f"{_path(network_id)}/weather",
-        key_name=_OPERATOR_KEY,
         folder=folder,
         body=body,
     )
@@ -206,7 +201,7 @@ def _forecast(file: str, network_id: str, *, source: str | None, folder: DataFol
                 "only a NetCDF file can have another source", param_hint="--source"
             )
         return _text(file).encode()
-    answer = call_gateway("GET", _path(network_id), key_name=_OPERATOR_KEY, folder=folder)
+    answer = call_gateway("GET", _path(network_id), folder=folder)
     try:
         stations = [each.position for each in read_network(answer).stations.values()]
         return json.dumps(read_netcdf(file, stations=stations, source=source)).encode()

@@ -9,8 +9,6 @@ import typer
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import call_gateway, fail
 
-_OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
-
 #: How many messages are listed, the newest first.
 _MOST_SHOWN: Final = 200
 
@@ -53,4 +51,4 @@ def _line(message: dict[str, Any]) -> str:
 
 
 def _call(folder: DataFolder, method: str, path: str) -> Any:  # any JSON, as the route says
-    return call_gateway(method, path, key_name=_OPERATOR_KEY, folder=folder)
+    return call_gateway(method, path, folder=folder)

@@ -5,7 +5,7 @@ The drawing is a Gantt: rows of bars on one axis of fleet time, in plain charact
 
 import json
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Annotated, Any, Final
@@ -14,9 +14,8 @@ from urllib.parse import quote
 import typer
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
-from skyway.cli.gateway import call_gateway, fail
-
-_OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
+from skyway.cli.gateway import call_gateway, fail, list_items
+from skyway.cli.providers import drone_labels, provider_path
 
 #: The characters of a mission's service that its drone knows, of one that waits, and of standby.
 _SERVICE, _QUEUED, _STANDBY, _PAD = "#", "=", ".", "#"
@@ -63,7 +62,8 @@ class Row:
 def schedule_command(
     drone: Annotated[str | None, typer.Option(metavar="ID", help="Only this drone.")] = None,
     provider: Annotated[
-        str | None, typer.Option(metavar="ID", help="Only the drones of this provider.")
+        str | None,
+        typer.Option(metavar="ID", help="Only the drones of this provider, by id or by name."),
     ] = None,
     station: Annotated[
         str | None, typer.Option(metavar="ID", help="The pads of this station instead.")
@@ -78,11 +78,11 @@ def schedule_command(
         fail("give only one of --drone, --provider and --station")
     folder = data_folder(data)
     if station is not None:
-        items = [*_items(folder, f"/v1/stations/{quote(station, safe='')}/reservations")]
+        items = [*list_items(folder, f"/v1/stations/{quote(station, safe='')}/reservations")]
         rows, legend = _pad_rows(items), _PAD_LEGEND
     else:
-        items = _drone_schedules(folder, drone, provider)
-        rows, legend = [_drone_row(each) for each in items], _LEGEND
+        items, labels = _drone_schedules(folder, drone, provider, has_labels=not as_json)
+        rows, legend = [_drone_row(each, labels) for each in items], _LEGEND
     if as_json:
         is_one = drone is not None
         typer.echo(json.dumps(items[0] if is_one else {"items": items}, indent=2))
@@ -92,34 +92,25 @@ def schedule_command(
 
 
 def _drone_schedules(
-    folder: DataFolder, drone: str | None, provider: str | None
-) -> list[dict[str, Any]]:
-    """The schedules of one drone, of one provider's drones, or of all drones."""
+    folder: DataFolder, drone: str | None, provider: str | None, *, has_labels: bool
+) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """The schedules of one drone, of one provider's drones, or of all; and the drones' labels."""
     if drone is not None:
-        return [_get(folder, f"/v1/drones/{quote(drone, safe='')}/schedule")]
+        path = f"/v1/drones/{quote(drone, safe='')}/schedule"
+        return [call_gateway("GET", path, folder=folder)], {}
     if provider is not None:
-        return [*_items(folder, f"/v1/providers/{quote(provider, safe='')}/schedule")]
-    providers = [each["provider_id"] for each in _items(folder, "/v1/providers")]
-    return [one for each in providers for one in _items(folder, f"/v1/providers/{each}/schedule")]
+        paths = [provider_path(folder, provider)]
+    else:
+        listed = list_items(folder, "/v1/providers")
+        paths = [f"/v1/providers/{each['provider_id']}" for each in listed]
+    schedules = [one for path in paths for one in list_items(folder, f"{path}/schedule")]
+    labels: dict[str, str] = {}
+    for path in paths if has_labels else ():
+        labels |= drone_labels(folder, path)
+    return schedules, labels
 
 
-def _items(folder: DataFolder, path: str) -> Iterator[dict[str, Any]]:
-    """All items of a list; Any: the route documents the item's JSON."""
-    cursor = None
-    while True:
-        page = _get(folder, f"{path}?limit=200" + (f"&cursor={cursor}" if cursor else ""))
-        yield from page["items"]
-        cursor = page["next_cursor"]
-        if cursor is None:
-            return
-
-
-def _get(folder: DataFolder, path: str) -> dict[str, Any]:
-    answer: dict[str, Any] = call_gateway("GET", path, key_name=_OPERATOR_KEY, folder=folder)
-    return answer
-
-
-def _drone_row(schedule: dict[str, Any]) -> Row:
+def _drone_row(schedule: dict[str, Any], labels: Mapping[str, str]) -> Row:
     """A drone's line; a service covers the standby before it."""
     entries = schedule["entries"]
     standbys = [
@@ -134,7 +125,8 @@ def _drone_row(schedule: dict[str, Any]) -> Row:
         )
         for each in entries
     ]
-    return Row(schedule["drone_id"], (*standbys, *services), _free(schedule))
+    drone_id = schedule["drone_id"]
+    return Row(labels.get(drone_id, drone_id), (*standbys, *services), _free(schedule))
 
 
 def _free(schedule: dict[str, Any]) -> str:

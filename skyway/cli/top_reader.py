@@ -149,7 +149,8 @@ class TopReader:
         if now_s >= self._deliveries_due_s:
             found = self._ask("/v1/stats/deliveries").json()
             self._deliveries = found["by_state"]
-            self._waiting = _by_age(found["waiting"]["by_age"])
+            # Only operators and customers see what waits: nobody's drone has it yet.
+            self._waiting = _by_age(found["waiting"]["by_age"]) if found["waiting"] else {}
             self._deliveries_due_s = now_s + _DELIVERIES_EVERY_S
 
     def _recompositions(self) -> int | None:

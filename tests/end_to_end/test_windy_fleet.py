@@ -126,7 +126,7 @@ def start_windy_fleet(system: Any, *, homes: list[str]) -> None:
     """Run `skyway fleet` with a drone at each home until all drones are AVAILABLE."""
     terms = {"name": "Windy Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
     provider_id = system.operate("POST", "/v1/providers", terms)["provider_id"]
-    command = ("--drones", str(len(homes)), "--model", "careful", "--provider-id", provider_id)
+    command = ("--drones", str(len(homes)), "--model", "careful", "--provider", provider_id)
     home_options = [option for home in homes for option in ("--home", home)]
     day = ("--scenario", "windy", "--seed", "7")
     system.run_fleet(system.folder.path / "windy.json", *command, *home_options, *day)

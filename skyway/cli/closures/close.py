@@ -8,7 +8,6 @@ import typer
 
 from skyway.cli.closures.operate import (
     GROUND_STOPS,
-    OPERATOR_KEY,
     ZONES,
     FromArgument,
     PadArgument,
@@ -151,7 +150,7 @@ def _close(
 
 
 def _times(folder: DataFolder, from_at: str | None, until: str | None) -> dict[str, Any]:
-    read = moment_reader(folder, key_name=OPERATOR_KEY)
+    read = moment_reader(folder)
     return _given(
         from_at=None if from_at is None else read(from_at, "--from"),
         until=None if until is None else read(until, "--until"),

@@ -8,7 +8,6 @@ import typer
 
 from skyway.cli.closures.operate import (
     GROUND_STOPS,
-    OPERATOR_KEY,
     ZONES,
     FromArgument,
     PadArgument,
@@ -21,7 +20,7 @@ from skyway.cli.closures.operate import (
     station_path,
 )
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
-from skyway.cli.gateway import fail, needed_settings
+from skyway.cli.gateway import fail, gateway_and_key
 
 open_app: Final = typer.Typer(
     help="Open what was closed: a station, a pad, a segment, a zone; end a ground stop.",
@@ -100,9 +99,8 @@ def _all_closures(folder: DataFolder) -> dict[str, Any]:
     """All closures by id, which the first event of the live picture holds."""
     import httpx
 
-    settings = needed_settings(folder, "SKYWAY_GATEWAY_URL", OPERATOR_KEY)
-    url = settings["SKYWAY_GATEWAY_URL"]
-    headers = {"Authorization": f"Bearer {settings[OPERATOR_KEY]}"}
+    url, key = gateway_and_key(folder)
+    headers = {"Authorization": f"Bearer {key}"}
     live = f"{url}/v1/live?kinds=closures"
     try:
         with httpx.stream("GET", live, headers=headers, timeout=_TIMEOUT_S) as answer:

@@ -1,4 +1,4 @@
-"""Calls of the commands for closures, with the operator's key, and closures as text."""
+"""Calls of the commands for closures, and closures as text."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -10,8 +10,6 @@ import typer
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.gateway import call_gateway
 from skyway.cli.outlook_text import delay_text
-
-OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
 
 ZONES: Final = "/v1/zones"
 GROUND_STOPS: Final = "/v1/ground-stops"
@@ -40,7 +38,7 @@ def segment_path(from_id: str, to_id: str) -> str:
 def operate(folder: DataFolder, method: str, path: str, body: object = None) -> Any:
     """The gateway's answer; Any: the route documents its JSON."""
     encoded = None if body is None else json.dumps(body).encode()
-    return call_gateway(method, path, key_name=OPERATOR_KEY, folder=folder, body=encoded)
+    return call_gateway(method, path, folder=folder, body=encoded)
 
 
 #: A JSON object of the gateway, whose members have no common type.

@@ -59,7 +59,13 @@ async def register_fleet(
     terms = {"name": provider["name"], "tariff": provider["tariff"], "loading": loading}
     answer = await api.call("POST", "/v1/providers", key=operator_key, body=terms)
     provider_id = answer["provider_id"]
-    own = FleetKeys([{"model_id": model_id, "home_station_id": home} for home in provider["homes"]])
+    word = provider["name"].split()[0]
+    own = FleetKeys(
+        [
+            {"model_id": model_id, "home_station_id": home, "name": f"{word} {number}"}
+            for number, home in enumerate(provider["homes"], start=1)
+        ]
+    )
     path = f"/v1/providers/{provider_id}/drones"
     registered = await api.call("POST", path, key=operator_key, body=own.bodies)
     return RegisteredFleet(provider_id, answer["key"], own.kept(registered["items"]))

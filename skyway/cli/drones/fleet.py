@@ -27,7 +27,8 @@ from skyway.cli.drones.agent_process import (
     read_drones,
     write_drones,
 )
-from skyway.cli.gateway import call_gateway, fail
+from skyway.cli.gateway import call_gateway, chosen_key, fail, list_items, read_keys
+from skyway.cli.providers import provider_path
 
 
 class StandbyName(StrEnum):
@@ -37,12 +38,6 @@ class StandbyName(StrEnum):
     STAY = "STAY"
     PARKING = "PARKING"
     NEXT_PICKUP = "NEXT_PICKUP"
-
-
-_OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
-
-#: Items of one page of the gateway's lists.
-_PAGE: Final = 200
 
 
 def fleet_command(
@@ -60,8 +55,13 @@ def fleet_command(
             " Without it: all stations of the first network."
         ),
     ] = None,
-    provider_id: Annotated[
-        str | None, typer.Option(help="With --drones: their provider; without it a new one.")
+    provider: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ID",
+            help="With --drones: their provider, by id or by name. Without it the provider of the"
+            " key, or, with an operator's key, a new one.",
+        ),
     ] = None,
     standby: Annotated[
         StandbyName | None,
@@ -106,11 +106,11 @@ def fleet_command(
         _must_exist(folder, home)
     homes = home or _all_stations(folder)
     new_drones = [
-        {"model_id": model_id, "home_station_id": station}
+        {"model_id": model_id, "home_station_id": station, "name": f"{station} {number}"}
         | ({} if standby is None else {"standby": standby.value})
-        for station in islice(cycle(homes), drones)
+        for number, station in enumerate(islice(cycle(homes), drones), start=1)
     ]
-    hosted = _register(folder, provider_id, new_drones)
+    hosted = _register(folder, _provider(folder, provider), new_drones)
     if file is not None:
         write_drones(file, hosted)
     fly(folder, hosted, arguments)
@@ -133,28 +133,20 @@ def _all_stations(folder: DataFolder) -> list[str]:
     networks = _operate(folder, "GET", "/v1/networks")["items"]
     if not networks:
         fail("no network is published: skyway network import bundled")
-    path = f"/v1/networks/{networks[0]['network_id']}/stations?limit={_PAGE}"
-    stations: list[str] = []
-    cursor: str | None = ""
-    while cursor is not None:
-        page = _operate(folder, "GET", path + (f"&cursor={cursor}" if cursor else ""))
-        stations += [item["station_id"] for item in page["items"]]
-        cursor = page["next_cursor"]
-    return stations
+    path = f"/v1/networks/{networks[0]['network_id']}/stations"
+    return [each["station_id"] for each in list_items(folder, path)]
 
 
 #: Printed when the drones of a new provider were refused.
 _LEFT_BEHIND: Final = (
     "the new provider {owner} has no drones, and is suspended; providers cannot be deleted.\n"
     "To use it for the next try, set its state with "
-    'PATCH /v1/providers/{owner} {{"state": "ACTIVE"}}, and add --provider-id {owner}'
+    'PATCH /v1/providers/{owner} {{"state": "ACTIVE"}}, and add --provider {owner}'
 )
 
 
-def _register(
-    folder: DataFolder, provider_id: str | None, new_drones: list[dict[str, str]]
-) -> Drones:
-    """Register the drones, without `provider_id` for a new provider.
+def _register(folder: DataFolder, provider: str | None, new_drones: list[dict[str, str]]) -> Drones:
+    """Register the drones with the provider of this path, or with a new provider.
 
     A new provider whose drones are refused is suspended, because it cannot fly. It stays: the API
     deletes no providers, so the message says how to use it.
@@ -162,18 +154,28 @@ def _register(
     from skyway.runtime.signing.fleet_keys import FleetKeys  # other commands start without it
 
     keys = FleetKeys(new_drones)
-    owner = provider_id or _new_provider(folder)
+    owner = provider or f"/v1/providers/{_new_provider(folder)}"
     try:
-        path = f"/v1/providers/{owner}/drones"
+        path = f"{owner}/drones"
         answers = [_operate(folder, "POST", path, batch) for batch in keys.batches()]
     except typer.Exit:
-        if provider_id is None:
-            _operate(folder, "PATCH", f"/v1/providers/{owner}", {"state": "SUSPENDED"})
-            typer.echo(_LEFT_BEHIND.format(owner=owner), err=True)
+        if provider is None:
+            _operate(folder, "PATCH", owner, {"state": "SUSPENDED"})
+            typer.echo(_LEFT_BEHIND.format(owner=_id(owner)), err=True)
         raise
     registered = keys.kept([drone for answer in answers for drone in answer["items"]])
-    typer.echo(f"{len(registered)} drones registered with provider {owner}", err=True)
+    typer.echo(f"{len(registered)} drones registered with provider {_id(owner)}", err=True)
     return registered
+
+
+def _id(provider_path: str) -> str:
+    return provider_path.rpartition("/")[2]
+
+
+def _provider(folder: DataFolder, named: str | None) -> str | None:
+    """The path of the drones' provider; None for a new one, which only an operator can register."""
+    is_operator = chosen_key(read_keys(folder)) == "SKYWAY_OPERATOR_KEY"
+    return None if named is None and is_operator else provider_path(folder, named)
 
 
 def _new_provider(folder: DataFolder) -> str:
@@ -182,6 +184,6 @@ def _new_provider(folder: DataFolder) -> str:
 
 
 def _operate(folder: DataFolder, method: str, path: str, body: object = None) -> Any:
-    """One call with the operator's key; Any: the route documents the answer's JSON."""
+    """One call; Any: the route documents the answer's JSON."""
     encoded = None if body is None else json.dumps(body).encode()
-    return call_gateway(method, path, key_name=_OPERATOR_KEY, folder=folder, body=encoded)
+    return call_gateway(method, path, folder=folder, body=encoded)

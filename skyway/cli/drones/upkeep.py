@@ -1,7 +1,4 @@
-"""`skyway battery` and `skyway maintenance`: the battery of a drone, and when maintenance is due.
-
-Both use the operator's key, or the provider's key if there is no operator's key.
-"""
+"""`skyway battery` and `skyway maintenance`: which battery a drone has, and when it is due."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -13,7 +10,8 @@ from urllib.parse import quote
 import typer
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
-from skyway.cli.gateway import call_gateway, fail, read_keys
+from skyway.cli.gateway import call_gateway, list_items
+from skyway.cli.providers import ProviderOption, drone_words, provider_path
 
 battery_app: Final = typer.Typer(
     help="Register batteries, and note which drone each is in.", no_args_is_help=True
@@ -22,12 +20,6 @@ maintenance_app: Final = typer.Typer(
     help="Set when drones are due for maintenance, list those that are, record what was done.",
     no_args_is_help=True,
 )
-
-_OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
-_PROVIDER_KEY: Final = "SKYWAY_PROVIDER_KEY"
-
-#: Items of one page of the gateway's lists.
-_PAGE: Final = 200
 
 #: The options of the fields that the gateway may refuse.
 _OPTIONS: Final = MappingProxyType(
@@ -39,10 +31,6 @@ _OPTIONS: Final = MappingProxyType(
     }
 )
 
-_ProviderOption = Annotated[
-    str | None,
-    typer.Option("--provider", metavar="ID", help="The provider; without it, the only one."),
-]
 _JsonOption = Annotated[bool, typer.Option("--json", help="Print the gateway's answer as JSON.")]
 _BatteryArgument = Annotated[str, typer.Argument(metavar="BATTERY", help="Id of the battery.")]
 _DroneArgument = Annotated[str, typer.Argument(metavar="DRONE", help="Id of the drone.")]
@@ -54,7 +42,7 @@ _Document = dict[str, Any]
 
 @battery_app.command("list")
 def list_batteries(
-    provider: _ProviderOption = None, as_json: _JsonOption = False, data: DataOption = None
+    provider: ProviderOption = None, as_json: _JsonOption = False, data: DataOption = None
 ) -> None:
     """List the batteries: the drone that each is in, its cycles and its health."""
     batteries = [*_fleet(provider, data).items("/batteries")]
@@ -70,7 +58,7 @@ def list_batteries(
 @battery_app.command("show")
 def show_battery(
     battery: _BatteryArgument,
-    provider: _ProviderOption = None,
+    provider: ProviderOption = None,
     as_json: _JsonOption = False,
     data: DataOption = None,
 ) -> None:
@@ -95,7 +83,7 @@ def register_battery(
             "--capacity-j", help="Its usable energy in joules; without it, that of the model."
         ),
     ] = None,
-    provider: _ProviderOption = None,
+    provider: ProviderOption = None,
     data: DataOption = None,
 ) -> None:
     """Register a battery that is in no drone, and print it."""
@@ -107,7 +95,7 @@ def register_battery(
 def install_battery(
     drone: _DroneArgument,
     battery: _BatteryArgument,
-    provider: _ProviderOption = None,
+    provider: ProviderOption = None,
     data: DataOption = None,
 ) -> None:
     """Note that a drone has this battery now; its battery from before is in no drone."""
@@ -117,7 +105,7 @@ def install_battery(
 
 @battery_app.command("remove")
 def remove_battery(
-    drone: _DroneArgument, provider: _ProviderOption = None, data: DataOption = None
+    drone: _DroneArgument, provider: ProviderOption = None, data: DataOption = None
 ) -> None:
     """Note that a drone does not have its registered battery any more."""
     path = f"/drones/{_part(drone)}/battery"
@@ -126,7 +114,7 @@ def remove_battery(
 
 @battery_app.command("delete")
 def delete_battery(
-    battery: _BatteryArgument, provider: _ProviderOption = None, data: DataOption = None
+    battery: _BatteryArgument, provider: ProviderOption = None, data: DataOption = None
 ) -> None:
     """Delete a battery that is in no drone."""
     _fleet(provider, data).call("DELETE", f"/batteries/{_part(battery)}")
@@ -136,7 +124,7 @@ def delete_battery(
 @maintenance_app.command("list")
 def list_maintenance(
     due: Annotated[bool, typer.Option("--due", help="Only the drones that are due.")] = False,
-    provider: _ProviderOption = None,
+    provider: ProviderOption = None,
     as_json: _JsonOption = False,
     data: DataOption = None,
 ) -> None:
@@ -147,7 +135,7 @@ def list_maintenance(
         if not due or each["maintenance"]["due_since_at"] is not None
     ]
     if as_json:
-        fields = ("drone_id", "model_id", "maintenance")
+        fields = ("drone_id", "name", "model_id", "maintenance")
         typer.echo(json.dumps([{name: each[name] for name in fields} for each in drones], indent=2))
         return
     for each in drones:
@@ -158,7 +146,7 @@ def list_maintenance(
 
 @maintenance_app.command("rules")
 def list_rules(
-    provider: _ProviderOption = None, as_json: _JsonOption = False, data: DataOption = None
+    provider: ProviderOption = None, as_json: _JsonOption = False, data: DataOption = None
 ) -> None:
     """List the rules: after how much flying the drones of each model are due."""
     rules = _fleet(provider, data).call("GET", "/maintenance-rules")["items"]
@@ -183,7 +171,7 @@ def set_rule(
     remove: Annotated[
         bool, typer.Option("--remove", help="Remove the rule; no drone of the model is due.")
     ] = False,
-    provider: _ProviderOption = None,
+    provider: ProviderOption = None,
     data: DataOption = None,
 ) -> None:
     """Set or remove the rule for a model; the limit that is reached first counts."""
@@ -201,7 +189,7 @@ def set_rule(
 
 @maintenance_app.command("done")
 def record_maintenance(
-    drone: _DroneArgument, provider: _ProviderOption = None, data: DataOption = None
+    drone: _DroneArgument, provider: ProviderOption = None, data: DataOption = None
 ) -> None:
     """Record that the maintenance of a drone was done: its counters begin at 0 again."""
     path = f"/drones/{_part(drone)}/maintenance"
@@ -213,7 +201,6 @@ class _Fleet:
     """The calls about the fleet of one provider."""
 
     folder: DataFolder
-    key_name: str
     path: str
 
     def call(self, method: str, below: str, body: Mapping[str, Any] | None = None) -> Any:
@@ -222,7 +209,6 @@ class _Fleet:
         return call_gateway(
             method,
             self.path + below,
-            key_name=self.key_name,
             folder=self.folder,
             body=encoded,
             options=_OPTIONS,
@@ -230,25 +216,12 @@ class _Fleet:
 
     def items(self, below: str) -> Iterator[_Document]:
         """All items of a list."""
-        cursor: str | None = ""
-        while cursor is not None:
-            page = self.call("GET", f"{below}?limit={_PAGE}" + (cursor and f"&cursor={cursor}"))
-            yield from page["items"]
-            cursor = page["next_cursor"]
+        return list_items(self.folder, self.path + below)
 
 
 def _fleet(provider: str | None, data: DataOption) -> _Fleet:
-    """The fleet of this provider, or of the only one; the command ends if there are several."""
     folder = data_folder(data)
-    is_operator = bool(read_keys(folder).get(_OPERATOR_KEY))
-    key_name = _OPERATOR_KEY if is_operator else _PROVIDER_KEY
-    if provider is None:
-        path = "/v1/providers?limit=2"
-        found = call_gateway("GET", path, key_name=key_name, folder=folder)["items"]
-        if len(found) != 1:
-            fail("name the provider with --provider" if found else "no provider is registered")
-        provider = found[0]["provider_id"]
-    return _Fleet(folder, key_name, f"/v1/providers/{_part(provider)}")
+    return _Fleet(folder, provider_path(folder, provider))
 
 
 def _part(identifier: str) -> str:
@@ -266,7 +239,7 @@ def _battery_line(battery: _Document) -> str:
 
 def _installation_line(drone: _Document) -> str:
     battery = drone["battery_id"]
-    return f"{drone['drone_id']} has {battery or 'no registered battery'}"
+    return f"{drone_words(drone)} has {battery or 'no registered battery'}"
 
 
 def _maintenance_line(drone: _Document) -> str:
@@ -274,7 +247,7 @@ def _maintenance_line(drone: _Document) -> str:
     since = wear["maintained_at"] or "its registration"
     due = wear["due_since_at"]
     line = (
-        f"{drone['drone_id']}  {drone['model_id']}  {wear['flight_hours']:.1f} h in the air and "
+        f"{drone_words(drone)}  {drone['model_id']}  {wear['flight_hours']:.1f} h in the air and "
         f"{wear['cycles']:.1f} cycles since {since}"
     )
     return line if due is None else f"{line}, due since {due}"

@@ -9,15 +9,15 @@ import pytest
 import typer
 
 from skyway.cli.data_folder import DataFolder, held, is_starting, note_ready
-from skyway.cli.gateway import call_gateway, needed_settings, read_keys
+from skyway.cli.gateway import call_gateway, gateway_and_key, needed_settings, read_keys
 from skyway.errors import SkywayError
 from tests.library.cli.conftest import Gateway
 
 
 @pytest.fixture(autouse=True)
 def no_settings(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("SKYWAY_GATEWAY_URL", "SKYWAY_OPERATOR_KEY"):
-        monkeypatch.delenv(name, raising=False)
+    for name in ("GATEWAY_URL", "OPERATOR_KEY", "PROVIDER_KEY", "CUSTOMER_KEY"):
+        monkeypatch.delenv(f"SKYWAY_{name}", raising=False)
 
 
 def test_lines_are_read_as_a_shell_reads_them(tmp_path: Path) -> None:
@@ -47,6 +47,32 @@ def test_a_setting_of_the_environment_comes_first(
 
 def test_a_missing_file_holds_no_keys(tmp_path: Path) -> None:
     assert "SKYWAY_OPERATOR_KEY" not in read_keys(DataFolder(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("in_environment", "in_file", "chosen"),
+    [
+        ((), ("CUSTOMER", "PROVIDER", "OPERATOR"), "file OPERATOR"),
+        ((), ("CUSTOMER", "PROVIDER"), "file PROVIDER"),
+        ((), ("CUSTOMER",), "file CUSTOMER"),
+        (("PROVIDER",), ("OPERATOR", "PROVIDER"), "environment PROVIDER"),
+        (("OPERATOR", "PROVIDER"), (), "environment OPERATOR"),
+    ],
+)
+def test_a_command_calls_with_the_first_key_of_the_environment_then_of_the_file(
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    in_environment: tuple[str, ...],
+    in_file: tuple[str, ...],
+    chosen: str,
+) -> None:
+    for role in in_environment:
+        monkeypatch.setenv(f"SKYWAY_{role}_KEY", f"environment {role}")
+    monkeypatch.setenv("SKYWAY_GATEWAY_URL", "http://127.0.0.1:9")
+    lines = [f"export SKYWAY_{role}_KEY='file {role}'\n" for role in in_file]
+    (tmp_path / "keys.env").write_text("".join(lines))
+
+    assert gateway_and_key(DataFolder(tmp_path)) == ("http://127.0.0.1:9", chosen)
 
 
 @pytest.mark.parametrize(

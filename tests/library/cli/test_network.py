@@ -188,12 +188,13 @@ def test_a_gateway_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch
 def test_a_missing_key_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SKYWAY_DATA", str(tmp_path))
     monkeypatch.setenv("SKYWAY_GATEWAY_URL", "http://127.0.0.1:9")
-    monkeypatch.delenv("SKYWAY_OPERATOR_KEY", raising=False)
+    for role in ("OPERATOR", "PROVIDER", "CUSTOMER"):
+        monkeypatch.delenv(f"SKYWAY_{role}_KEY", raising=False)
 
     result = runner.invoke(network_app, ["export", "--network-id", "texas"])
 
     assert result.exit_code == 1
-    assert "SKYWAY_OPERATOR_KEY is not set" in result.stderr
+    assert "neither SKYWAY_OPERATOR_KEY nor SKYWAY_PROVIDER_KEY nor" in result.stderr
 
 
 STATUS = {

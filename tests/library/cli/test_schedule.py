@@ -42,11 +42,13 @@ def gateway(answering_gateway: Gateway, monkeypatch: pytest.MonkeyPatch) -> Gate
         "start_at": "2026-03-01T12:00:00Z",
         "end_at": "2026-03-01T13:00:00Z",
     }
-    providers = [{"provider_id": "prv_1"}]
+    providers = [{"provider_id": "prv_1", "name": "Hill Country Drones"}]
+    named = {"drone_id": "drn_1", "name": "Falcon"}
     answering_gateway.answers |= {
         ("GET", "/v1/drones/drn_1/schedule"): (200, DRONE),
         ("GET", "/v1/providers"): (200, {"items": providers, "next_cursor": None}),
         ("GET", "/v1/providers/prv_1/schedule"): (200, {"items": [DRONE], "next_cursor": None}),
+        ("GET", "/v1/providers/prv_1/drones"): (200, {"items": [named], "next_cursor": None}),
         ("GET", "/v1/stations/kyle/reservations"): (
             200,
             {"items": [reservation], "next_cursor": None},
@@ -62,11 +64,21 @@ def output(*arguments: str) -> str:
 
 
 @pytest.mark.usefixtures("gateway")
-@pytest.mark.parametrize("options", [(), ("--drone", "drn_1"), ("--provider", "prv_1")])
-def test_a_drones_line_shows_service_standby_and_when_it_is_free(options: tuple[str, ...]):
+@pytest.mark.parametrize(
+    ("options", "label"),
+    [
+        ((), "drn_1 (Falcon)"),
+        (("--drone", "drn_1"), "drn_1"),
+        (("--provider", "prv_1"), "drn_1 (Falcon)"),
+        (("--provider", "Hill Country Drones"), "drn_1 (Falcon)"),
+    ],
+)
+def test_a_drones_line_shows_service_standby_and_when_it_is_free(
+    options: tuple[str, ...], label: str
+):
     *_, line = output(*options).splitlines()
 
-    assert line == f"drn_1 {'#' * 10}{'.' * 10}{'=' * 10}{'.' * 10} free 03-01 15:00 kyle 50%"
+    assert line == f"{label} {'#' * 10}{'.' * 10}{'=' * 10}{'.' * 10} free 03-01 15:00 kyle 50%"
 
 
 @pytest.mark.usefixtures("gateway")

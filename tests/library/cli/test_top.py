@@ -37,6 +37,9 @@ class Gateway:
         self.asked: list[str] = []
         self.states = 10
         self.is_away = False
+        self.waiting: Any = {
+            "by_age": [{"up_to_s": 60, "requests": 6}, {"up_to_s": None, "requests": 2}]
+        }
 
     def __call__(self, request: httpx.Request) -> httpx.Response:
         if self.is_away:
@@ -66,9 +69,7 @@ class Gateway:
             "/v1/alarms": {"items": [ALARM], "next_cursor": None},
             "/v1/stats/deliveries": {
                 "by_state": {"COMPLETED": 17},
-                "waiting": {
-                    "by_age": [{"up_to_s": 60, "requests": 6}, {"up_to_s": None, "requests": 2}]
-                },
+                "waiting": self.waiting,
             },
         }[path]
 
@@ -130,6 +131,14 @@ def test_without_the_metrics_key_recompositions_are_unknown(gateway: Gateway) ->
 
 def test_recompositions_count_the_replans_announced_to_customers(reader: TopReader) -> None:
     assert reader.read().recompositions == 3
+
+
+def test_a_provider_sees_its_fleet_but_no_waiting_requests(
+    reader: TopReader, gateway: Gateway
+) -> None:
+    gateway.waiting = None
+
+    assert reader.read().waiting == {}
 
 
 def test_rates_are_shown_from_the_second_read_on(reader: TopReader, gateway: Gateway) -> None:

@@ -90,9 +90,25 @@ def test_a_new_provider_whose_drones_are_refused_is_suspended(gateway: Gateway) 
     assert result.exit_code == 1
     assert gateway.calls[-1] == ("PATCH", "/v1/providers/prv_1", {"state": "SUSPENDED"})
     assert "the new provider prv_1 has no drones, and is suspended" in result.stderr
-    assert 'PATCH /v1/providers/prv_1 {"state": "ACTIVE"}, and add --provider-id prv_1' in (
+    assert 'PATCH /v1/providers/prv_1 {"state": "ACTIVE"}, and add --provider prv_1' in (
         result.stderr
     )
+
+
+def test_a_providers_key_registers_the_fleet_with_its_own_provider(
+    gateway: Gateway, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fleet, "fly", lambda *_: None)
+    monkeypatch.setenv("SKYWAY_PROVIDER_KEY", "sk_provider")
+    own = {"provider_id": "prv_1", "name": "Hill Country Drones"}
+    gateway.answers["GET", "/v1/providers"] = (200, {"items": [own], "next_cursor": None})
+
+    result = runner.invoke(make_app(), ["fleet", "--drones", "1", "--home", "home"])
+
+    assert result.exit_code == 0, result.stderr
+    assert REGISTER_PROVIDER not in gateway.called
+    assert gateway.called[-1] == REGISTER_DRONES
+    assert set(gateway.keys) == {"sk_provider"}
 
 
 def test_a_fleet_that_can_fly_is_registered_and_stored(
@@ -109,6 +125,10 @@ def test_a_fleet_that_can_fly_is_registered_and_stored(
     ((drone,),) = flown
     key = PrivateKey.read(drone.pop("signing_key"))
     assert registered.pop("public_key") == key.public_key
-    assert registered == {"model_id": "paper-scenario", "home_station_id": "home"}
+    assert registered == {
+        "model_id": "paper-scenario",
+        "home_station_id": "home",
+        "name": "home 1",
+    }
     assert drone == {"drone_id": "drn_1"}
     assert "drn_1" in file.read_text()

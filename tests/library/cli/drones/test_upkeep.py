@@ -1,7 +1,6 @@
 """`skyway battery` and `skyway maintenance`: batteries, rules, and what is due."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,6 +10,10 @@ from skyway.cli.main import make_app
 from tests.library.cli.conftest import Gateway
 
 FLEET = "/v1/providers/prv_1"
+PROVIDERS = [
+    {"provider_id": "prv_1", "name": "Hill Country Drones"},
+    {"provider_id": "prv_2", "name": "Alamo Air\x1b[2J Delivery"},
+]
 BATTERY: dict[str, Any] = {
     "battery_id": "bat_1",
     "serial": "TB60-0042",
@@ -37,6 +40,7 @@ def make_drone(drone_id: str, **maintenance: Any) -> dict[str, Any]:
     wear = {"flight_hours": 41.0, "cycles": 73.0, "maintained_at": None, "due_since_at": None}
     return {
         "drone_id": drone_id,
+        "name": "Falcon" if drone_id == "drn_1" else None,
         "model_id": "paper-scenario",
         "battery_id": None,
         "maintenance": wear | maintenance,
@@ -50,7 +54,7 @@ DUE = make_drone("drn_2", due_since_at="2026-03-02T12:00:00Z")
 def gateway(answering_gateway: Gateway) -> Gateway:
     installed = make_drone("drn_1") | {"battery_id": "bat_1"}
     answering_gateway.answers |= {
-        ("GET", "/v1/providers"): (200, {"items": [{"provider_id": "prv_1"}]}),
+        ("GET", "/v1/providers"): (200, {"items": PROVIDERS[:1], "next_cursor": None}),
         ("GET", f"{FLEET}/batteries"): (200, {"items": [BATTERY], "next_cursor": None}),
         ("GET", f"{FLEET}/batteries/bat_1"): (200, BATTERY),
         ("POST", f"{FLEET}/batteries"): (201, BATTERY),
@@ -97,23 +101,24 @@ def run(*arguments: str) -> Any:
         (
             "battery install drn_1 bat_1",
             ("PUT", "/drones/drn_1/battery", {"battery_id": "bat_1"}),
-            "drn_1 has bat_1\n",
+            "drn_1 (Falcon) has bat_1\n",
         ),
         (
             "battery remove drn_1",
             ("DELETE", "/drones/drn_1/battery", None),
-            "drn_1 has no registered battery\n",
+            "drn_1 (Falcon) has no registered battery\n",
         ),
         ("battery delete bat_1", ("DELETE", "/batteries/bat_1", None), "bat_1 is deleted\n"),
         (
             "maintenance list",
             ("GET", "/drones", None),
-            f"drn_1  {WEAR}\ndrn_2  {WEAR}, due since 2026-03-02T12:00:00Z\n",
+            f"drn_1 (Falcon)  {WEAR}\ndrn_2  {WEAR}, due since 2026-03-02T12:00:00Z\n",
         ),
         (
             "maintenance done drn_1",
             ("POST", "/drones/drn_1/maintenance", None),
-            "drn_1  paper-scenario  0.0 h in the air and 0.0 cycles since 2026-03-03T12:00:00Z\n",
+            ("drn_1 (Falcon)  paper-scenario  0.0 h in the air and 0.0 cycles since "
+            "2026-03-03T12:00:00Z\n"),
         ),
         (
             "maintenance rules",
@@ -163,25 +168,31 @@ def test_all_pages_of_a_list_are_read(gateway: Gateway) -> None:
 def test_without_a_provider_the_only_one_counts(gateway: Gateway) -> None:
     assert run("battery", "list").stdout == LINE
 
-    two = [{"provider_id": "prv_1"}, {"provider_id": "prv_2"}]
-    gateway.answers["GET", "/v1/providers"] = (200, {"items": two})
+    gateway.answers["GET", "/v1/providers"] = (200, {"items": PROVIDERS, "next_cursor": None})
     several = run("battery", "list")
-    gateway.answers["GET", "/v1/providers"] = (200, {"items": []})
+    gateway.answers["GET", "/v1/providers"] = (200, {"items": [], "next_cursor": None})
     none = run("battery", "list")
 
-    assert (several.exit_code, several.stderr) == (1, "name the provider with --provider\n")
+    assert several.exit_code == 1
+    assert several.stderr.splitlines()[:2] == [
+        "name the provider; for example",
+        "  --provider prv_1 (Hill Country Drones)",
+    ]
+    assert "\x1b" not in several.stderr
     assert (none.exit_code, none.stderr) == (1, "no provider is registered\n")
 
 
-def test_a_provider_without_an_operators_key_calls_with_its_own(
-    gateway: Gateway, tmp_path: Path
-) -> None:
-    keys = (tmp_path / "keys.env").read_text().replace("OPERATOR_KEY=", "PROVIDER_KEY=")
-    (tmp_path / "keys.env").write_text(keys.replace("sk_operator", "sk_provider"))
+def test_a_provider_is_named_by_its_id_or_by_its_name(gateway: Gateway) -> None:
+    gateway.answers["GET", "/v1/providers"] = (200, {"items": PROVIDERS, "next_cursor": None})
 
-    assert run("maintenance", "rules").exit_code == 0
+    by_name = run("battery", "list", "--provider", "hill country DRONES")
+    unknown = run("battery", "list", "--provider", "Hill")
 
-    assert set(gateway.keys) == {"sk_provider"}
+    assert by_name.stdout == LINE
+    assert (unknown.exit_code, unknown.stderr.splitlines()[0]) == (
+        1,
+        "no provider 'Hill'; for example",
+    )
 
 
 @pytest.mark.parametrize("options", ["", "--remove --hours 5"])
