@@ -54,12 +54,14 @@ providers = Table(
     CheckConstraint(_STANDBYS, name="provider_standby"),
 )
 
-#: Models that operators added; the library's named models are not in this table.
+#: Models that operators and providers added; the library's named models are not in this table.
 drone_models = Table(
     "drone_models",
     metadata,
     Column("model_id", Text, primary_key=True),
     Column("model", Text, nullable=False),  # JSON of skyway.drone.model.DroneModel
+    # The provider that added it, and may replace it.
+    Column("provider_id", Text, ForeignKey("providers.provider_id"), nullable=True),
 )
 
 drones = Table(

@@ -17,15 +17,14 @@ class ChargePoint(NamedTuple):
     soc: Annotated[float, Field(ge=0, le=1, strict=True)]
 
 
-class DroneModel(JsonModel):
-    """A type of drone.
+class DroneAbilities(JsonModel):
+    """What a type of drone can do.
 
     Speed falls linearly from `speed_empty_mps` to `speed_full_mps` with the load; power rises as
     the total mass to the power 1.5. `charge_curve` is straight between its points, strictly rising
     in both, concave; its last point is the most that a drone can be charged to.
     """
 
-    model_id: DroneModelId
     empty_mass_kg: Annotated[
         float,
         Field(ge=0.001, le=10_000, strict=True, description="Mass without packages, in kilograms."),
@@ -144,6 +143,12 @@ class DroneModel(JsonModel):
                 f"{curve[0].soc}"
             )
         return curve
+
+
+class DroneModel(DroneAbilities):
+    """A type of drone."""
+
+    model_id: DroneModelId
 
     def __hash__(self) -> int:
         """By what differs between the drones of a model; hashing all fields would take long."""

@@ -87,7 +87,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded("PATCH", _PROVIDER, "registry", _FLEETS),
     Forwarded("GET", "/v1/drone-models", "registry", _ANY),
     Forwarded("GET", "/v1/drone-models/{model_id}", "registry", _ANY),
-    Forwarded("PUT", "/v1/drone-models/{model_id}", "registry", _OPERATOR),
+    Forwarded("PUT", "/v1/drone-models/{model_id}", "registry", _FLEETS),
     Forwarded("POST", f"{_PROVIDER}/drones", "registry", _FLEETS, timeout_s=_HEAVY_S),
     Forwarded("GET", f"{_PROVIDER}/drones", "registry", _FLEETS),
     Forwarded("GET", "/v1/drones", "registry", _OPERATOR),

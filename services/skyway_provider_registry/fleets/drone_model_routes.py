@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import Depends, Query, Response
 
-from skyway.drone.model import DroneModel
+from skyway.drone.model import DroneAbilities, DroneModel
 from skyway.errors import InvalidInput
 from skyway.ids import DroneModelId
 from skyway.runtime.errors import NotFound
@@ -14,6 +14,24 @@ from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.fleets.store import every_model, put_model
+
+
+class DroneModelBody(DroneAbilities):
+    """A drone model; its id stands in the path, and may be repeated here."""
+
+    model_id: DroneModelId | None = None
+
+    def named(self, model_id: DroneModelId) -> DroneModel:
+        """The model with the id of the path.
+
+        Raises
+        ------
+        InvalidInput
+            The body has another id.
+        """
+        if self.model_id not in (None, model_id):
+            raise InvalidInput("model_id", f"{self.model_id!r} is not the path's {model_id!r}")
+        return DroneModel(**{**dict(self), "model_id": model_id})
 
 
 def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
@@ -47,22 +65,24 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         "/v1/drone-models/{model_id}",
         responses={
             201: {"model": DroneModel, "description": "The model is new"},
-            **conflicts("MODEL_IN_USE", "NAMED_MODEL"),
+            **conflicts("MODEL_IN_USE", "NAMED_MODEL", "OTHERS_MODEL", "TOO_MANY_MODELS"),
         },
     )
     async def put_drone_model(
         model_id: DroneModelId,
         caller: Annotated[Caller, Depends(gate)],
-        requested: DroneModel,
+        requested: DroneModelBody,
         response: Response,
     ) -> DroneModel:
-        """Add a drone model, or replace a model that no drone has."""
-        caller.must_be("operator")
-        if requested.model_id != model_id:
-            raise InvalidInput("model_id", f"{requested.model_id!r} is not the path's {model_id!r}")
+        """Add a drone model, or replace a model that no drone has.
+
+        Everybody may register drones of it. A provider replaces only models that it added.
+        """
+        caller.must_be("provider", "operator")
+        model = requested.named(model_id)
         async with db.write() as tx:
-            is_new = await put_model(tx, requested)
+            is_new = await put_model(tx, model, caller)
         response.status_code = 201 if is_new else 200
-        return requested
+        return model
 
     return router

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
-from sqlalchemy import ColumnElement, delete, select, true, update
+from sqlalchemy import ColumnElement, delete, func, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drones import OutOfServiceAnswer
@@ -32,6 +32,9 @@ from skyway_provider_registry.presence.store import (
 )
 from skyway_provider_registry.providers.store import owned
 from skyway_provider_registry.tables import drone_models, drones, providers
+
+#: The drone models that one provider may add: all are read wherever drones are.
+MOST_MODELS: Final = 50
 
 #: Registrations in one IN list.
 _CHUNK: Final = 500
@@ -237,14 +240,15 @@ async def every_model(connection: AsyncConnection) -> Models:
     return dict(sorted(models.items()))
 
 
-async def put_model(tx: Tx, model: DroneModel) -> bool:
-    """Store a model under its id; True when the id is new.
+async def put_model(tx: Tx, model: DroneModel, caller: Caller) -> bool:
+    """Store a model under its id; True when the id is new. A provider's new model is its own.
 
     Raises
     ------
     Conflict
-        The id belongs to another model of the library, or to a model of registered drones. The
-        abilities of these drones must not change while plans use them.
+        The id belongs to another model of the library, to a model that the calling provider did
+        not add, or to a model of registered drones: the abilities of these drones must not change
+        while plans use them. Or the provider has as many models as it may have.
     """
     previous = (await every_model(tx.connection)).get(model.model_id)
     if previous == model:
@@ -255,14 +259,33 @@ async def put_model(tx: Tx, model: DroneModel) -> bool:
         raise Conflict(
             "MODEL_IN_USE", f"drones of model {model.model_id} are registered: choose another id"
         )
-    row = {"model_id": model.model_id, "model": model.model_dump_json()}
+    provider_id = caller.subject_id if caller.role == "provider" else None
+    may_replace = true() if provider_id is None else drone_models.c.provider_id == provider_id
+    if previous is None and provider_id is not None:
+        await _refuse_too_many_models(tx, provider_id)
+    row = {
+        "model_id": model.model_id,
+        "model": model.model_dump_json(),
+        "provider_id": provider_id,
+    }
     statement = tx.insert(drone_models).values(row)
-    await tx.execute(
+    stored = await tx.execute(
         statement.on_conflict_do_update(
-            index_elements=["model_id"], set_={"model": statement.excluded.model}
-        )
+            index_elements=["model_id"],
+            set_={"model": statement.excluded.model},
+            where=may_replace,
+        ).returning(drone_models.c.model_id)
     )
+    if stored.one_or_none() is None:
+        raise Conflict("OTHERS_MODEL", f"{model.model_id} was added by somebody else")
     return previous is None
+
+
+async def _refuse_too_many_models(tx: Tx, provider_id: str) -> None:
+    statement = select(func.count()).where(drone_models.c.provider_id == provider_id)
+    if (await tx.execute(statement)).scalar_one() >= MOST_MODELS:
+        detail = f"the limit is {MOST_MODELS} drone models of a provider"
+        raise Conflict("TOO_MANY_MODELS", detail)
 
 
 async def _has_drones(tx: Tx, model_id: DroneModelId) -> bool:

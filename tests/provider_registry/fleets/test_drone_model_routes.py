@@ -1,8 +1,9 @@
-"""Drone models: the library's own are always there, and operators add others."""
+"""Drone models: the library's own are always there; operators and providers add others."""
 
 from typing import Any
 
 import pytest
+from skyway_provider_registry.fleets.store import MOST_MODELS
 
 from skyway.drone.models import DRONE_MODELS
 
@@ -81,10 +82,58 @@ async def test_a_bad_model_is_refused_with_its_field(
     assert [problem["field"] for problem in answer.json()["errors"]] == [field]
 
 
-async def test_only_operators_add_models(api: Any) -> None:
-    answer = await api("provider:prv_1", "PUT", "/v1/drone-models/pelican", MODEL)
+async def test_a_model_needs_its_id_only_in_the_path(api: Any) -> None:
+    body = {name: value for name, value in MODEL.items() if name != "model_id"}
+
+    made = await api("operator:op", "PUT", "/v1/drone-models/pelican", body)
+
+    assert (made.status_code, made.json()["model_id"]) == (201, "pelican")
+
+
+async def test_customers_add_no_models(api: Any) -> None:
+    answer = await api("customer:c", "PUT", "/v1/drone-models/pelican", MODEL)
 
     assert answer.status_code == 403
+
+
+async def test_a_provider_replaces_only_models_that_it_added(api: Any) -> None:
+    first, second = await api.provider(), await api.provider()
+    heavier = {**MODEL, "max_payload_kg": 4.0}
+    await api("operator:op", "PUT", "/v1/drone-models/pelican", MODEL)
+    added = await api(f"provider:{first}", "PUT", "/v1/drone-models/heron", _named("heron"))
+
+    own = await api(f"provider:{first}", "PUT", "/v1/drone-models/heron", _named("heron", heavier))
+    others = [
+        await api(f"provider:{first}", "PUT", "/v1/drone-models/pelican", heavier),
+        await api(f"provider:{second}", "PUT", "/v1/drone-models/heron", _named("heron")),
+    ]
+    by_operator = await api("operator:op", "PUT", "/v1/drone-models/heron", _named("heron"))
+
+    assert (added.status_code, own.status_code, by_operator.status_code) == (201, 200, 200)
+    for refused in others:
+        assert (refused.status_code, refused.json()["code"]) == (409, "OTHERS_MODEL")
+    pelican = (await api("customer:c", "GET", "/v1/drone-models/pelican")).json()
+    assert pelican["max_payload_kg"] == MODEL["max_payload_kg"]
+
+
+async def test_a_provider_adds_a_limited_number_of_models(api: Any) -> None:
+    provider_id = await api.provider()
+    for number in range(MOST_MODELS):
+        name = f"heron-{number}"
+        made = await api(f"provider:{provider_id}", "PUT", f"/v1/drone-models/{name}", _named(name))
+        assert made.status_code == 201
+
+    beyond = await api(f"provider:{provider_id}", "PUT", "/v1/drone-models/swan", _named("swan"))
+    again = await api(
+        f"provider:{provider_id}", "PUT", "/v1/drone-models/heron-0", _named("heron-0")
+    )
+
+    assert (beyond.status_code, beyond.json()["code"]) == (409, "TOO_MANY_MODELS")
+    assert again.status_code == 200
+
+
+def _named(model_id: str, model: dict[str, Any] = MODEL) -> dict[str, Any]:
+    return {**model, "model_id": model_id}
 
 
 async def test_an_unknown_model_is_not_found(api: Any) -> None:

@@ -28,12 +28,6 @@ def upgrade() -> None:
         sa.PrimaryKeyConstraint("only"),
     )
     op.create_table(
-        "drone_models",
-        sa.Column("model_id", sa.Text(), nullable=False),
-        sa.Column("model", sa.Text(), nullable=False),
-        sa.PrimaryKeyConstraint("model_id"),
-    )
-    op.create_table(
         "idempotency",
         sa.Column("key_hash", sa.Text(), nullable=False),
         sa.Column("body_hash", sa.LargeBinary(), nullable=False),
@@ -58,6 +52,14 @@ def upgrade() -> None:
         ),
         sa.CheckConstraint("state IN ('ACTIVE', 'SUSPENDED')", name="provider_state"),
         sa.PrimaryKeyConstraint("provider_id"),
+    )
+    op.create_table(
+        "drone_models",
+        sa.Column("model_id", sa.Text(), nullable=False),
+        sa.Column("model", sa.Text(), nullable=False),
+        sa.Column("provider_id", sa.Text(), nullable=True),
+        sa.ForeignKeyConstraint(["provider_id"], ["providers.provider_id"]),
+        sa.PrimaryKeyConstraint("model_id"),
     )
     op.create_table(
         "replicas",

@@ -117,8 +117,10 @@ def run(*arguments: str) -> Any:
         (
             "maintenance done drn_1",
             ("POST", "/drones/drn_1/maintenance", None),
-            ("drn_1 (Falcon)  paper-scenario  0.0 h in the air and 0.0 cycles since "
-            "2026-03-03T12:00:00Z\n"),
+            (
+                "drn_1 (Falcon)  paper-scenario  0.0 h in the air and 0.0 cycles since "
+                "2026-03-03T12:00:00Z\n"
+            ),
         ),
         (
             "maintenance rules",
