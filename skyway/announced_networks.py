@@ -284,4 +284,6 @@ def _together(query: StationCheckQuery, checks: list[StationCheck]) -> StationCh
         positions={name: each for check in checks for name, each in check.positions.items()},
         unknown=tuple(each for each in asked if each not in network_ids),
         unreachable=tuple(each for each in asked if each in network_ids and each not in reached),
+        isolated=tuple(each for check in checks for each in check.isolated),
+        networks={name: each for check in checks for name, each in check.networks.items()},
     )

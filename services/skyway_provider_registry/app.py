@@ -82,7 +82,9 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
         routers=[
             candidate_routes(view=parts.fleet_view, gate=gate, clock=clock),
             presence_routes(db=db, clock=clock, gate=gate),
-            provider_routes(db=db, gate=gate, clock=clock, mint=parts.mint),
+            provider_routes(
+                db=db, gate=gate, clock=clock, mint=parts.mint, stations=parts.stations
+            ),
             drone_model_routes(db=db, gate=gate),
             registration_routes(
                 db=db,

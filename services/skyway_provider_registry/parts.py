@@ -32,7 +32,7 @@ from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.enrolment.stored_keys import StoredKeys
 from skyway_provider_registry.fleets.issue_credentials import Issuer
 from skyway_provider_registry.fleets.quota_store import DroneLimit
-from skyway_provider_registry.fleets.registration import CompositionStations, StationLookup
+from skyway_provider_registry.homes import CompositionStations, StationLookup
 from skyway_provider_registry.presence.judge_states import NoQuarantine
 from skyway_provider_registry.settings import RegistrySettings
 from skyway_provider_registry.tables import OPEN_ROWS, replicas

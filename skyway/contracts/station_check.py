@@ -5,15 +5,28 @@ from typing import Annotated
 from pydantic import Field
 
 from skyway.geo import Position
-from skyway.ids import NetworkId, StationId
+from skyway.ids import ConnectorId, NetworkId, StationId
 from skyway.json_model import WireModel
 
 
 class StationCheckQuery(WireModel):
-    """Stations to look up; with `reachable_from`, also whether a path leads to each of them."""
+    """Stations to look up; with `reachable_from`, also whether a path leads to each of them.
+
+    With `as_homes` the answer also says what drones with these homes meet.
+    """
 
     station_ids: Annotated[tuple[StationId, ...], Field(description="The stations to look up.")]
     reachable_from: StationId | None = None
+    as_homes: bool = False
+
+
+class NetworkFacts(WireModel):
+    """What drones meet in a network; `connectors` is null where some pad fits every drone."""
+
+    currency: Annotated[str, Field(description="Currency of all prices in the network.")]
+    connectors: Annotated[
+        tuple[ConnectorId, ...] | None, Field(description="All connectors of its pads.")
+    ]
 
 
 class StationCheck(WireModel):
@@ -21,6 +34,7 @@ class StationCheck(WireModel):
 
     `network_ids` and `positions` hold the stations that exist. `unreachable` stations exist, but no
     path leads there from `reachable_from` (stations of another network are unreachable too).
+    `isolated` and `networks` are filled for homes only.
     """
 
     network_ids: Annotated[
@@ -34,6 +48,13 @@ class StationCheck(WireModel):
     unreachable: Annotated[
         tuple[StationId, ...], Field(description="The stations to which no path leads.")
     ] = ()
+    isolated: Annotated[
+        tuple[StationId, ...], Field(description="The stations that no segment leaves.")
+    ] = ()
+    networks: Annotated[
+        dict[NetworkId, NetworkFacts],
+        Field(description="The networks of the stations that exist."),
+    ] = Field(default_factory=dict)
 
 
 class NetworkStations(WireModel):

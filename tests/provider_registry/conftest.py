@@ -20,7 +20,7 @@ from skyway.announced_networks import NetworkLearner
 from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
 from skyway.cells import CellClients
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
-from skyway.contracts.station_check import NetworkStations, StationCheck
+from skyway.contracts.station_check import NetworkFacts, NetworkStations, StationCheck
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.runtime.clock import ManualClock
@@ -57,6 +57,9 @@ class KnownStations:
     asked: list[tuple[StationId, ...]] = field(default_factory=list)
     #: The stations that are not in the network texas, with their networks.
     elsewhere: dict[str, str] = field(default_factory=dict)
+    #: The stations that no segment leaves, and what drones meet in networks.
+    isolated: tuple[StationId, ...] = ()
+    networks: dict[NetworkId, NetworkFacts] = field(default_factory=dict)
 
     async def check(self, station_ids: Iterable[StationId]) -> StationCheck:
         asked = tuple(dict.fromkeys(station_ids))
@@ -68,6 +71,8 @@ class KnownStations:
             network_ids={one: NetworkId(self.elsewhere.get(one, "texas")) for one in known},
             positions=known,
             unknown=tuple(one for one in asked if one not in STATIONS),
+            isolated=self.isolated,
+            networks=self.networks,
         )
 
     async def all_stations(self, network_id: NetworkId) -> NetworkStations:

@@ -6,7 +6,12 @@ from typing import Annotated, Final
 from fastapi import Depends, Query
 from pydantic import Field, field_validator
 
-from skyway.contracts.station_check import NetworkStations, StationCheck, StationCheckQuery
+from skyway.contracts.station_check import (
+    NetworkFacts,
+    NetworkStations,
+    StationCheck,
+    StationCheckQuery,
+)
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.json_model import JsonModel
@@ -174,11 +179,32 @@ async def _check_stations(
             ends = {each for each in known if each in around.network.stations}
             reached = _reached(around.network, start, ends)
         unreachable = (each for each in asked if each in known and each not in reached)
+    facts: dict[NetworkId, NetworkFacts] = {}
+    isolated: list[StationId] = []
+    for network_id in {each.network_id for each in known.values()} if query.as_homes else ():
+        skyway = await networks.current(network_id)
+        facts[network_id] = _facts(skyway)
+        homes = [each for each in asked if each in skyway.network.stations]
+        isolated += [each for each in homes if not skyway.network.segments_from(each)]
     return StationCheck(
         network_ids={each: known[each].network_id for each in asked if each in known},
         positions={each: known[each].position for each in asked if each in known},
         unknown=tuple(each for each in asked if each not in known),
         unreachable=tuple(unreachable),
+        isolated=tuple(isolated),
+        networks=facts,
+    )
+
+
+def _facts(skyway: PreparedNetwork) -> NetworkFacts:
+    network, connectors = skyway.network, skyway.network.pad_connectors
+    fits_all = any(
+        station.pads and station_id not in connectors.of_station
+        for station_id, station in network.stations.items()
+    )
+    return NetworkFacts(
+        currency=skyway.settings.currency,
+        connectors=None if fits_all else tuple(sorted(connectors.named)),
     )
 
 

@@ -1,20 +1,19 @@
 """Checks new drones and changes of drones; prepares ids, accounts and answers, and stores them."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Final, Protocol
+from typing import Annotated, Final
 
 from pydantic import Field
 
-from skyway.announced_networks import check_stations
 from skyway.broker_setup.passwords import PasswordHash
-from skyway.cells import CellClients
 from skyway.contracts.signature import CloudKeys
-from skyway.contracts.station_check import StationCheck, StationCheckQuery
+from skyway.contracts.station_check import StationCheck
+from skyway.delivery.offer import Tariff
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidInput
-from skyway.ids import DroneId, DroneModelId, ProviderId, StationId
+from skyway.ids import DroneId, DroneModelId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
@@ -29,6 +28,7 @@ from skyway_provider_registry.fleets.issue_credentials import (
     new_passwords,
     new_token,
 )
+from skyway_provider_registry.homes import StationLookup, home_faults
 from skyway_provider_registry.presence import sighting_store as sightings
 from skyway_provider_registry.presence.drone_presence import NEVER_SEEN
 
@@ -41,42 +41,28 @@ class RegisteredDrones(JsonModel):
     ]
 
 
-class StationLookup(Protocol):
-    """Answers which stations exist, and their positions."""
-
-    async def check(self, station_ids: Iterable[StationId]) -> StationCheck:
-        """The positions of the existing stations among these, and the unknown station ids."""
-        ...
-
-
-class CompositionStations:
-    """`StationLookup` that asks composition, at every server that it has."""
-
-    def __init__(self, servers: CellClients) -> None:
-        self._servers = servers
-
-    async def check(self, station_ids: Iterable[StationId]) -> StationCheck:
-        """The positions of the existing stations among these, and the unknown station ids."""
-        query = StationCheckQuery(station_ids=tuple(dict.fromkeys(station_ids)))
-        return await check_stations(self._servers, query)
-
-
 #: The changes that are columns of the same name and value.
 _PLAIN_FIELDS: Final = frozenset(("name", "registration", "standby"))
 
 
-async def changed_columns(requested: DroneChange, stations: StationLookup) -> dict[str, object]:
-    """The columns to set; a new home station is looked up before the write."""
+async def changed_columns(
+    requested: DroneChange, stations: StationLookup, *, model: DroneModel, tariff: Tariff
+) -> dict[str, object]:
+    """The columns to set; a new home station is looked up before the write.
+
+    Raises
+    ------
+    InvalidInput
+        There is no such station, or the drone could never fly from it.
+    """
     given = requested.model_fields_set
     values: dict[str, object] = {f: getattr(requested, f) for f in given & _PLAIN_FIELDS}
     if requested.state is not None:
         values["is_in_maintenance"] = requested.state == "MAINTENANCE"
     if requested.home_station_id is not None:
         check = await stations.check([requested.home_station_id])
-        if check.unknown:
-            raise InvalidInput(
-                "home_station_id", f"no station is called {requested.home_station_id!r}"
-            )
+        for _, detail in home_faults(requested.home_station_id, model, tariff, check):
+            raise InvalidInput("home_station_id", detail)
         position = check.positions[requested.home_station_id]
         values["home_station_id"] = requested.home_station_id
         values["network_id"] = check.network_ids[requested.home_station_id]
@@ -176,27 +162,28 @@ class RegistrationFault:
 def faults_of(
     new_drones: Sequence[NewDrone],
     *,
-    models: Collection[DroneModelId],
-    unknown: Collection[StationId],
+    models: Mapping[DroneModelId, DroneModel],
+    tariff: Tariff,
+    check: StationCheck,
 ) -> list[RegistrationFault]:
     """All faults, in the order of the drones."""
     return [
         RegistrationFault(index, field, detail)
         for index, drone in enumerate(new_drones)
-        for field, detail in _of_one(drone, models=models, unknown=unknown)
+        for field, detail in _of_one(drone, models=models, tariff=tariff, check=check)
     ] + list(_repeated_registrations(new_drones))
 
 
 def _of_one(
     drone: NewDrone,
     *,
-    models: Collection[DroneModelId],
-    unknown: Collection[StationId],
+    models: Mapping[DroneModelId, DroneModel],
+    tariff: Tariff,
+    check: StationCheck,
 ) -> Iterator[tuple[str, str]]:
     if drone.model_id not in models:
         yield "model_id", f"no drone model is called {drone.model_id!r}"
-    if drone.home_station_id in unknown:
-        yield "home_station_id", f"no station is called {drone.home_station_id!r}"
+    yield from home_faults(drone.home_station_id, models.get(drone.model_id), tariff, check)
 
 
 def _repeated_registrations(new_drones: Sequence[NewDrone]) -> Iterator[RegistrationFault]:

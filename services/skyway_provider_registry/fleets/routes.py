@@ -36,7 +36,6 @@ from skyway_provider_registry.fleets.registration import (
     PreparedDrones,
     RegisteredDrones,
     RegistrationFault,
-    StationLookup,
     changed_columns,
     faults_of,
     prepare,
@@ -44,6 +43,7 @@ from skyway_provider_registry.fleets.registration import (
 )
 from skyway_provider_registry.fleets.statistics_store import FleetStatistics, totals
 from skyway_provider_registry.fleets.store import every_model
+from skyway_provider_registry.homes import StationLookup
 from skyway_provider_registry.presence import learned_store
 from skyway_provider_registry.presence.drone_presence import SILENCE
 from skyway_provider_registry.presence.store import touch
@@ -104,7 +104,14 @@ def fleet_routes(
     ) -> Drone:
         """Change a drone's own data, or take it out of service and back."""
         caller.must_be("operator", "provider")
-        values = await changed_columns(requested, stations)
+        async with db.read() as connection:
+            provider = await providers.of_caller(connection, caller, provider_id=provider_id)
+            drone = await store.of_caller(
+                connection, caller, provider_id=provider_id, drone_id=drone_id
+            )
+        values = await changed_columns(
+            requested, stations, model=drone.model, tariff=provider.tariff
+        )
         async with db.write() as tx:
             if "network_id" in values:
                 before = await store.of_caller(
@@ -217,10 +224,11 @@ def registration_routes(
         new_drones: list[NewDrone], *, caller: Caller, provider_id: ProviderId, raw: bytes
     ) -> PreparedDrones:
         async with db.read() as connection:
-            await providers.of_caller(connection, caller, provider_id=provider_id)
+            provider = await providers.of_caller(connection, caller, provider_id=provider_id)
             models = await every_model(connection)
         check = await stations.check(drone.home_station_id for drone in new_drones)
-        _refuse(faults_of(new_drones, models=models, unknown=set(check.unknown)), raw=raw)
+        faults = faults_of(new_drones, models=models, tariff=provider.tariff, check=check)
+        _refuse(faults, raw=raw)
         # In a thread: preparing 500 drones would hold up the event loop.
         return await asyncio.to_thread(
             prepare,

@@ -4,6 +4,8 @@ from typing import Annotated
 
 from fastapi import Depends, Query, Request, Response
 
+from skyway.delivery.offer import Tariff
+from skyway.errors import InvalidInput
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import AccessDenied
@@ -15,6 +17,7 @@ from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_provider_registry.homes import StationLookup, currency_fault
 from skyway_provider_registry.providers import store
 from skyway_provider_registry.providers.provider import (
     NewProvider,
@@ -25,10 +28,20 @@ from skyway_provider_registry.providers.provider import (
 
 
 def provider_routes(
-    *, db: Database, gate: ServiceGate, clock: FleetClock, mint: Mint
+    *, db: Database, gate: ServiceGate, clock: FleetClock, mint: Mint, stations: StationLookup
 ) -> ServiceRouter:
     """POST and GET /v1/providers, GET and PATCH /v1/providers/{provider_id}."""
     router = ServiceRouter(tags=("providers",))
+
+    async def _refuse_other_currency(tariff: Tariff, provider_id: ProviderId) -> None:
+        async with db.read() as connection:
+            homes = await store.homes(connection, provider_id)
+        if not homes:
+            return
+        check = await stations.check(homes)
+        for home in check.network_ids:
+            if (fault := currency_fault(tariff, check, home)) is not None:
+                raise InvalidInput("tariff.currency", fault)
 
     @router.post("/v1/providers", status_code=201, response_model=Provider)
     async def create_provider(
@@ -94,6 +107,8 @@ def provider_routes(
         caller.must_be("operator", "provider")
         if requested.state is not None and caller.role != "operator":
             raise AccessDenied("only an operator changes a provider's state")
+        if requested.tariff is not None:
+            await _refuse_other_currency(requested.tariff, provider_id)
         async with db.write() as tx:
             await store.change(tx, caller, provider_id=provider_id, changes=requested)
             return await store.of_caller(tx.connection, caller, provider_id=provider_id)

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from sqlalchemy import ColumnElement, false, select, true, update
+from sqlalchemy import ColumnElement, false, func, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.delivery.offer import Tariff
-from skyway.ids import ProviderId
+from skyway.ids import ProviderId, StationId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
@@ -15,7 +15,7 @@ from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.change_store import mark_providers
 from skyway_provider_registry.providers.provider import Provider, ProviderChange
-from skyway_provider_registry.tables import providers
+from skyway_provider_registry.tables import drones, providers
 
 
 def owned(caller: Caller, provider_id: ColumnElement[str]) -> ColumnElement[bool]:
@@ -104,6 +104,16 @@ async def every(connection: AsyncConnection) -> Sequence[Provider]:
     """All providers, sorted by id."""
     found = await connection.execute(select(providers).order_by(providers.c.provider_id))
     return [_provider(row) for row in found]
+
+
+async def homes(connection: AsyncConnection, provider_id: ProviderId) -> Sequence[StationId]:
+    """A home of this provider's drones in each network."""
+    statement = (
+        select(func.min(drones.c.home_station_id))
+        .where(drones.c.provider_id == provider_id)
+        .group_by(drones.c.network_id)
+    )
+    return list((await connection.execute(statement)).scalars())
 
 
 async def _one(

@@ -52,6 +52,25 @@ async def test_a_station_check_names_positions_and_unknown_and_unreachable_stati
         "positions": {"c": [2 * 0.17986, 0.0], "z": [25 * 0.17986, 0.0]},
         "unknown": ["nowhere"],
         "unreachable": ["z"],
+        "isolated": [],
+        "networks": {},
+    }
+
+
+async def test_a_check_of_homes_says_what_drones_meet_there(composition: Any, make: Any) -> None:
+    alone = make.network(stations="yz")
+    alone["features"] = [each for each in alone["features"] if each["geometry"]["type"] == "Point"]
+    for feature in alone["features"]:
+        feature["properties"] |= {"pads": 1, "pad_connectors": ["type-2"]}
+    await composition("operator:op", "PUT", "/v1/networks/other", alone)
+    query = {"station_ids": ["c", "z", "nowhere"], "as_homes": True}
+
+    answer = await composition("service:registry", "POST", "/internal/station-checks", query)
+
+    assert answer.json()["isolated"] == ["z"]
+    assert answer.json()["networks"] == {
+        "row": {"currency": "USD", "connectors": None},
+        "other": {"currency": "USD", "connectors": ["type-2"]},
     }
 
 
