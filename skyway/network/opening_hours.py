@@ -100,8 +100,8 @@ def read_opening_hours(value: Any, path: str) -> OpeningHours:  # any JSON value
     Raises
     ------
     InvalidNetwork
-        Names the field at fault: an unknown zone, day or date, or spans that are reversed, overlap,
-        or are too many.
+        Names the field at fault: an unknown zone, day or date, spans that are reversed, overlap,
+        or are too many, or no span at all.
     """
     members = fields.mapping(value, path)
     for name in members:
@@ -113,11 +113,14 @@ def read_opening_hours(value: Any, path: str) -> OpeningHours:  # any JSON value
             raise InvalidNetwork(f"{path}.weekly.{name}", f"is none of {', '.join(DAYS)}")
     if "weekly" not in members:
         raise InvalidNetwork(f"{path}.weekly", "is missing")
-    return OpeningHours(
+    hours = OpeningHours(
         time_zone=_zone(members.get("time_zone", "UTC"), f"{path}.time_zone"),
         weekly=tuple(_spans(weekly.get(day, []), f"{path}.weekly.{day}") for day in DAYS),
         exceptions=_exceptions(members.get("exceptions", {}), f"{path}.exceptions"),
     )
+    if not any(hours.weekly) and not any(spans for _, spans in hours.exceptions):
+        raise InvalidNetwork(f"{path}.weekly", "has no span, so the station would never open")
+    return hours
 
 
 def _zone(value: Any, path: str) -> str:

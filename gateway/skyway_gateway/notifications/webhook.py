@@ -101,6 +101,13 @@ class Webhook(JsonModel):
         str | None, Field(description="Why it is disabled; null while it is active.")
     ]
     created_at: WallTime
+    last_outcome: Annotated[
+        Outcome | None,
+        Field(
+            description="How the newest attempt to notify it went; null before the first. FAILED "
+            "and GIVEN_UP say that the receiver did not answer 2xx."
+        ),
+    ] = None
 
 
 class IssuedWebhook(Webhook):

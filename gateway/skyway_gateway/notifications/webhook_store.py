@@ -31,6 +31,17 @@ from skyway_gateway.tables import events, notifications, webhook_attempts, webho
 #: How long a claim holds: longer than an attempt may take, seconds of wall time.
 _LEASE_S: Final = 20.0
 
+#: How the newest attempt went: ids of attempts rise with time.
+_LAST_OUTCOME: Final = (
+    select(webhook_attempts.c.outcome)
+    .where(webhook_attempts.c.webhook_id == webhooks.c.webhook_id)
+    .order_by(webhook_attempts.c.attempt_id.desc())
+    .limit(1)
+    .correlate(webhooks)
+    .scalar_subquery()
+    .label("last_outcome")
+)
+
 
 async def add_webhook(
     tx: Tx, webhook: Webhook, *, customer_id: SubjectId, stored_secret: str
@@ -80,7 +91,7 @@ async def webhooks_page(
     connection: AsyncConnection, caller: Caller, query: PageQuery
 ) -> Sequence[Webhook]:
     """Up to limit + 1 of the caller's webhooks, sorted by id."""
-    statement = select(webhooks).where(owned(caller, webhooks.c.customer_id))
+    statement = select(webhooks, _LAST_OUTCOME).where(owned(caller, webhooks.c.customer_id))
     if (after := query.after_id()) is not None:
         statement = statement.where(webhooks.c.webhook_id > after)
     statement = statement.order_by(webhooks.c.webhook_id).limit(query.limit + 1)
@@ -226,7 +237,7 @@ async def _give_up_pending(tx: Tx, webhook_id: WebhookId) -> None:
 async def _webhook_row(
     connection: AsyncConnection, caller: Caller, webhook_id: WebhookId
 ) -> AnyRow:
-    statement = select(webhooks).where(
+    statement = select(webhooks, _LAST_OUTCOME).where(
         webhooks.c.webhook_id == webhook_id, owned(caller, webhooks.c.customer_id)
     )
     row = (await connection.execute(statement)).one_or_none()
@@ -247,6 +258,7 @@ def _webhook(row: AnyRow) -> Webhook:
         state=row.state,
         disabled_reason=row.disabled_reason,
         created_at=ms_to_moment(row.created_wall_ms),
+        last_outcome=row.last_outcome,
     )
 
 

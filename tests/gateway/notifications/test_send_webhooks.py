@@ -94,6 +94,28 @@ async def test_a_failed_notification_is_repeated_under_the_same_id(
     assert attempts[2]["next_try_at"] is None
 
 
+async def test_a_webhook_shows_how_its_newest_attempt_went(
+    gateway_on_both: Gateway, receiver: Receiver
+) -> None:
+    gateway = gateway_on_both
+    webhook = await _webhook(gateway, receiver.url)
+    path = f"/v1/webhooks/{webhook['webhook_id']}"
+
+    async def last_outcomes() -> set[str | None]:
+        one = await gateway.http.get(path, headers=gateway.customer)
+        listed = await gateway.http.get("/v1/webhooks", headers=gateway.customer)
+        return {each["last_outcome"] for each in (one.json(), *listed.json()["items"])}
+
+    assert await last_outcomes() == {None}
+    receiver.answers = [404]
+    await gateway.accepted()
+    await _notify(gateway)
+    assert await last_outcomes() == {"FAILED"}
+    gateway.clock.advance(timedelta(seconds=7))
+    await _notify(gateway)
+    assert await last_outcomes() == {"DELIVERED"}
+
+
 async def test_later_events_of_a_delivery_wait_for_the_earlier_ones(
     gateway: Gateway, receiver: Receiver
 ) -> None:

@@ -81,6 +81,8 @@ def test_times_are_cut_to_the_asked_span() -> None:
     [
         ([], "hours", "an array is not an object"),
         ({}, "hours.weekly", "is missing"),
+        ({"weekly": {}}, "hours.weekly", "so the station would never open"),
+        ({"weekly": {"mon": []}, "exceptions": {"2026-03-02": []}}, "hours.weekly", "never open"),
         ({"weekly": {}, "holidays": []}, "hours.holidays", "is none of time_zone, weekly"),
         ({"weekly": {"monday": []}}, "hours.weekly.monday", "is none of mon, tue"),
         ({"weekly": {"mon": "08:00-12:00"}}, "hours.weekly.mon", "is not an array"),
