@@ -10,6 +10,7 @@ from skyway.runtime.outbox.outbox_store import OutboxGauges
 from skyway.units import moment_to_ms
 from skyway_gateway import gauge_store
 from skyway_gateway.gauge_store import StoredQueue
+from skyway_gateway.lateness.promise import host_delay_ms
 from skyway_gateway.lateness.store import KeptPromises, kept_promises
 from skyway_gateway.parts import Parts
 from skyway_gateway.tables import outbox
@@ -76,7 +77,8 @@ class GatewayGauges:
     async def _promises(self) -> list[Gauge]:
         async with self.parts.db.survey() as connection:
             now_ms = moment_to_ms(self.parts.clock.now())
-            rows = await kept_promises(connection, now_ms=now_ms)
+            host_ms = host_delay_ms(self.parts.clock)
+            rows = await kept_promises(connection, now_ms=now_ms, host_delay_ms=host_ms)
         readings = []
         # Before the first such package both are shown as 0, so that rules find them.
         for row in rows or [_NO_PROMISES]:

@@ -13,7 +13,7 @@ from typing import Any, Final, Never
 from skyway.broker_setup.private_file import write_private
 from skyway.cli.demo.fleets import NETWORK_ID, PROVIDERS, RegisteredFleet, register_fleet
 from skyway.cli.gateway import GatewayApi
-from skyway.cli.small_world_customers import MOST_OPEN, REQUEST_EVERY_S, Customers, RequestDraw
+from skyway.cli.small_world_customers import LEAST_IDLE, REQUEST_EVERY_S, Customers, RequestDraw
 from skyway.cli.system.niceness import SIMULATES
 from skyway.cli.system.running_system import System
 from skyway.cli.system.secrets import keep_provider_key, read_secret
@@ -105,9 +105,12 @@ async def live_on(system: System, *, say: Callable[[str], None]) -> Never:
         known = await populate(system, api, network)
         say(
             f"The small world: {len(known.fleets)} providers with {len(known.drones)} drones, a "
-            f"request every {REQUEST_EVERY_S:g} s while fewer than {MOST_OPEN} deliveries are open."
+            f"request every {REQUEST_EVERY_S:g} s while at least {LEAST_IDLE} drones are idle."
         )
+        operator_key = read_secret(system.folder, "operator_key")
         keys = (read_secret(system.folder, "customer_key"), *known.customer_keys.values())
         chance = Random()  # noqa: S311 - nothing is secret
-        customers = Customers(api, keys, RequestDraw(network, chance), say=say)
+        customers = Customers(
+            api, keys, RequestDraw(network, chance), operator_key=operator_key, say=say
+        )
         await customers.run()

@@ -1,6 +1,7 @@
 """The customers of the small world: they request a few packages to stations not far away.
 
-One delivery is requested every few seconds, and there are never many at a time.
+One delivery is requested every few seconds, while some drones are idle: whoever opens the console,
+or requests a delivery, finds a service that works.
 """
 
 import asyncio
@@ -12,6 +13,7 @@ from typing import Any, Final, Never
 import httpx
 import numpy as np
 
+from skyway.cli.demo.fleets import NETWORK_ID
 from skyway.cli.gateway import GatewayApi
 from skyway.errors import SkywayError
 from skyway.geo import distance_m
@@ -92,6 +94,9 @@ REQUEST_EVERY_S: Final = 4.0
 #: Deliveries that are not over; while there are as many, nothing is requested.
 MOST_OPEN: Final = 10
 
+#: While fewer drones are idle, nothing is requested: they are left to those who try the demo.
+LEAST_IDLE: Final = 3
+
 _OVER: Final = frozenset({"COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"})
 
 
@@ -104,11 +109,13 @@ class Customers:
         keys: Sequence[str],
         draw: RequestDraw,
         *,
+        operator_key: str,
         say: Callable[[str], None],
     ) -> None:
         self._api = api
         self._keys = keys
         self._draw = draw
+        self._operator_key = operator_key
         self._say = say
         self._turn = 0
         self._said = ""
@@ -125,7 +132,7 @@ class Customers:
         """Request one delivery, unless there are enough; trouble is left to the next step."""
         try:
             await self._look()
-            if len(self._open) < MOST_OPEN:
+            if len(self._open) < MOST_OPEN and await self._idle_drones() >= LEAST_IDLE:
                 await self._request()
         except (SkywayError, httpx.HTTPError) as trouble:
             if str(trouble) != self._said:
@@ -142,6 +149,11 @@ class Customers:
             delivery = await self._api.call("GET", f"/v1/deliveries/{delivery_id}", key=key)
             if delivery["state"] in _OVER:
                 del self._open[delivery_id]
+
+    async def _idle_drones(self) -> int:
+        path = f"/v1/networks/{NETWORK_ID}/status"
+        status = await self._api.call("GET", path, key=self._operator_key)
+        return sum(each["idle"] for each in status["models"])
 
     async def _request(self) -> None:
         key = self._keys[self._turn % len(self._keys)]

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 #: Fleet seconds per second of wall time. In the small world a flight between two stations takes
 #: about ten seconds, so that one sees the drones move.
 _RATE: Final = 120.0
-_DEMO_RATE: Final = 60.0
 
 RateOption = Annotated[
     float | None,
@@ -26,7 +25,7 @@ RateOption = Annotated[
         min=1.0,
         max=100_000.0,
         help="Fleet seconds per second of wall time.",
-        show_default=f"{_RATE:g}, with --demo {_DEMO_RATE:g}",
+        show_default=f"{_RATE:g}, with --demo 60, or less on a slow machine",
     ),
 ]
 PortOption = Annotated[
@@ -66,8 +65,17 @@ def up_command(
     folder = data_folder(data)
     keep_kernels(folder)
     ports = Ports(gateway=port, broker=mqtt_port)
-    chosen_rate = rate or (_DEMO_RATE if demo else _RATE)
-    asyncio.run(_up(folder, rate=chosen_rate, ports=ports, demo=demo, cells=cells or []))
+    asyncio.run(
+        _up(
+            folder, rate=rate or _default_rate(demo=demo), ports=ports, demo=demo, cells=cells or []
+        )
+    )
+
+
+def _default_rate(*, demo: bool) -> float:
+    from skyway.cli.system.fleet_time import machine_speed, rate_for
+
+    return rate_for(machine_speed()) if demo else _RATE
 
 
 async def _up(

@@ -31,6 +31,7 @@ from skyway_gateway.deliveries.records.write_delivery import (
     DeliveryWriter,
     report_cancellation,
 )
+from skyway_gateway.lateness.promise import host_delay
 
 #: Reports after which a drone or pads may be free again.
 _FREEING: Final = ("REFUSED", "RELEASED", "ENDED")
@@ -122,7 +123,7 @@ class ReportApplier:
         return True
 
     def _apply(self, tx: Tx, stored: StoredDelivery, report: MissionReport) -> None:
-        progress = after_report(stored.delivery, report)
+        progress = after_report(stored.delivery, report, host_delay=host_delay(self.clock))
         give_up = None
         if report.kind == "REFUSED" and progress.delivery.is_queued:
             # The waiting time starts again: the refused booking has used some of it.
@@ -156,7 +157,7 @@ class OverdueNotifier:
 
     async def step(self) -> bool:
         """One step of the loop: look at overdue deliveries; True when there may be more."""
-        before = self.clock.now() - timedelta(seconds=TOLERANCE_S)
+        before = self.clock.now() - timedelta(seconds=TOLERANCE_S) - host_delay(self.clock)
         async with self.db.read() as connection:
             found = await delivery_store.overdue(connection, before=before, limit=_BATCH)
         for delivery_id in found:
@@ -164,4 +165,5 @@ class OverdueNotifier:
         return len(found) == _BATCH
 
     def _marked_late(self, delivery: Delivery) -> Progress:
-        return Progress(*when_overdue(delivery, at=self.clock.now()))
+        now, host = self.clock.now(), host_delay(self.clock)
+        return Progress(*when_overdue(delivery, at=now, host_delay=host))

@@ -1,9 +1,25 @@
-"""The promised moments of a package, from the lateness that was learned."""
+"""The promised moments of a package, and from when on it is late."""
 
 from datetime import datetime, timedelta
+from typing import Final
 
 from skyway.delivery.lateness import later_by_s
 from skyway.delivery.qos import QoS
+from skyway.runtime.clock import FleetClock
+
+#: What messages and programs may take, wall seconds. In a simulation whose time runs faster than
+#: that of the machine this looks like lateness of drones.
+_HOST_TAKES_S: Final = 5.0
+
+
+def host_delay(clock: FleetClock) -> timedelta:
+    """The lateness in fleet time that the machine alone may have caused; nothing in real time."""
+    return timedelta(seconds=_HOST_TAKES_S * max(0.0, clock.rate - 1.0))
+
+
+def host_delay_ms(clock: FleetClock) -> int:
+    """`host_delay` in milliseconds of fleet time."""
+    return round(host_delay(clock) / timedelta(milliseconds=1))
 
 
 def p90_of(eta_at: datetime, *, start_at: datetime, share: float | None) -> datetime | None:

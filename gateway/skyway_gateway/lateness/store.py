@@ -106,7 +106,7 @@ def _kept() -> Select[*tuple[Any, ...]]:  # columns of every type
     delivered, p90 = packages.c.delivered_ms, packages.c.promised_p90_ms
     pair = (deliveries.c.network_id, missions.c.provider_id)
     is_of_day = delivered >= bindparam("day_ms", type_=BigInteger)
-    is_in_time = delivered <= p90
+    is_in_time = delivered <= p90 + bindparam("host_delay_ms", type_=BigInteger)
     counted = {
         "day": is_of_day,
         "week": true(),
@@ -134,8 +134,13 @@ def _kept() -> Select[*tuple[Any, ...]]:  # columns of every type
 _KEPT: Final = _kept()
 
 
-async def kept_promises(connection: AsyncConnection, *, now_ms: int) -> Sequence[KeptPromises]:
-    """The packages that came in the last day and week of fleet time, by network and provider."""
+async def kept_promises(
+    connection: AsyncConnection, *, now_ms: int, host_delay_ms: int
+) -> Sequence[KeptPromises]:
+    """The packages that came in the last day and week of fleet time, by network and provider.
+
+    `host_delay_ms` is the lateness that does not count, as `promise.host_delay` says.
+    """
     since = {
         f"{name}_ms": now_ms - round(span.total_seconds() * 1000) for name, span in _SPANS.items()
     }
@@ -147,5 +152,5 @@ async def kept_promises(connection: AsyncConnection, *, now_ms: int) -> Sequence
             packages={"day": int(row.day), "week": int(row.week)},
             in_time={"day": int(row.day_in_time), "week": int(row.week_in_time)},
         )
-        for row in await connection.execute(_KEPT, since)
+        for row in await connection.execute(_KEPT, since | {"host_delay_ms": host_delay_ms})
     ]

@@ -325,10 +325,14 @@ async def test_packages_of_a_crashed_drone_stay_in_its_custody(gateway: Gateway)
     assert stranded["data"]["position"] == [-98.2, 29.7]
 
 
-@pytest.mark.parametrize(("late_s", "is_reported"), [(59, False), (61, True)])
-async def test_a_delay_of_more_than_a_minute_causes_an_event(
-    gateway: Gateway, late_s: int, is_reported: bool
+@pytest.mark.parametrize(
+    ("rate", "late_s", "is_reported"),
+    [(1, 59, False), (1, 61, True), (60, 354, False), (60, 356, True)],
+)
+async def test_a_delay_of_more_than_a_minute_and_what_the_machine_takes_causes_an_event(
+    gateway: Gateway, rate: float, late_s: int, is_reported: bool
 ) -> None:
+    gateway.clock.rate = rate
     delivery_id = await gateway.planned(packages=2)
     await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     mission = gateway.composition.booked[delivery_id, 1]
@@ -348,7 +352,7 @@ async def test_a_delay_of_more_than_a_minute_causes_an_event(
             for event in await gateway.events(delivery_id)
             if event["type"] == "delivery.delayed"
         ]
-        assert [one["late_s"] for one in reported["data"]["packages"]] == [61, 61]
+        assert [one["late_s"] for one in reported["data"]["packages"]] == [late_s, late_s]
 
 
 async def test_a_new_plan_causes_an_event_with_its_etas(gateway: Gateway) -> None:

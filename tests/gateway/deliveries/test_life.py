@@ -199,7 +199,7 @@ class Life(RuleBasedStateMachine):
     def say_nothing(self) -> None:
         """Time passes until the delivery is late."""
         self.now += timedelta(minutes=20)
-        self._happen(lambda now: Progress(*when_overdue(now, at=self.now)))
+        self._happen(lambda now: Progress(*when_overdue(now, at=self.now, host_delay=timedelta())))
 
     # What holds.
 
@@ -293,7 +293,7 @@ class Life(RuleBasedStateMachine):
                 **fields,
             }
         )
-        self._happen(lambda now: after_report(now, report), is_report=True)
+        self._happen(lambda now: after_report(now, report, host_delay=timedelta()), is_report=True)
 
     def _happen(self, change: Callable[[Delivery], Progress], *, is_report: bool = False) -> None:
         """Apply a change as `write_delivery` does: a delivery that is over does not change."""

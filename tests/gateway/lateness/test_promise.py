@@ -4,9 +4,10 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from skyway_gateway.lateness.promise import due_of
+from skyway_gateway.lateness.promise import due_of, host_delay
 
 from skyway.delivery.qos import QoS
+from skyway.runtime.clock import ManualClock
 
 
 @pytest.mark.parametrize(
@@ -31,3 +32,12 @@ def test_lateness_counts_from_the_promise_and_from_what_the_customer_allows(
         asked["deadline_at"] = at(qos["deadline_min"])
 
     assert due_of(at(5), at(8), QoS.model_validate(asked)) == at(due_min)
+
+
+@pytest.mark.parametrize(("rate", "delay_s"), [(0.5, 0), (1, 0), (2, 5), (61, 300)])
+def test_the_machine_causes_lateness_only_where_fleet_time_is_fast(
+    rate: float, delay_s: float
+) -> None:
+    clock = ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC), rate)
+
+    assert host_delay(clock) == timedelta(seconds=delay_s)

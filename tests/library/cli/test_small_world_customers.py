@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from skyway.cli.gateway import GatewayApi
-from skyway.cli.small_world_customers import MOST_OPEN, Customers, RequestDraw
+from skyway.cli.small_world_customers import LEAST_IDLE, MOST_OPEN, Customers, RequestDraw
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import SkywayError
 from skyway.geo import distance_m
@@ -66,10 +66,14 @@ class FakeGateway(GatewayApi):
         self.states: dict[str, str] = {}
         self.owners: list[str] = []
         self.trouble: SkywayError | None = None
+        self.idle = LEAST_IDLE
 
     async def call(self, method: str, path: str, *, key: str, body: object = None) -> Any:
         if self.trouble is not None:
             raise self.trouble
+        if path.endswith("/status"):
+            assert key == "sk_operator"
+            return {"models": [{"idle": 1}, {"idle": self.idle - 1}]}
         if path == "/v1/clock":
             return {"now": "2026-03-01T12:00:00Z"}
         if method == "POST":
@@ -99,7 +103,7 @@ def gateway() -> FakeGateway:
 
 def customers(gateway: FakeGateway, said: list[str] | None = None) -> Customers:
     say = ([] if said is None else said).append
-    return Customers(gateway, ("sk_a", "sk_b"), OneRequest(), say=say)
+    return Customers(gateway, ("sk_a", "sk_b"), OneRequest(), operator_key="sk_operator", say=say)
 
 
 async def test_customers_take_turns(gateway: FakeGateway) -> None:
@@ -121,6 +125,18 @@ async def test_never_more_deliveries_than_the_bound_are_open(gateway: FakeGatewa
         await all_of_them.step()
 
     assert len(gateway.states) == MOST_OPEN + 2
+
+
+async def test_nothing_is_requested_while_few_drones_are_idle(gateway: FakeGateway) -> None:
+    both = customers(gateway)
+    gateway.idle = LEAST_IDLE - 1
+    await both.step()
+    assert gateway.states == {}
+
+    gateway.idle = LEAST_IDLE
+    await both.step()
+
+    assert len(gateway.states) == 1
 
 
 async def test_deliveries_of_an_earlier_start_count(gateway: FakeGateway) -> None:

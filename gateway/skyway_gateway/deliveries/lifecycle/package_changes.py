@@ -184,7 +184,9 @@ def _read(form: TypeAdapter[Any], value: object) -> Any:  # of the adapter's typ
         return None
 
 
-def with_etas(delivery: Delivery, report: MissionReport) -> tuple[Delivery, tuple[Happening, ...]]:
+def with_etas(
+    delivery: Delivery, report: MissionReport, *, host_delay: timedelta
+) -> tuple[Delivery, tuple[Happening, ...]]:
     """The delivery with a report's ETAs, and an event if they make it late."""
     etas, replanned = report.etas, None
     if report.kind == "REPLANNED" and report.mission is not None:
@@ -199,10 +201,12 @@ def with_etas(delivery: Delivery, report: MissionReport) -> tuple[Delivery, tupl
             and not one.is_settled
         ),
     )
-    return _with_lateness(after, at=report.at)
+    return _with_lateness(after, at=report.at, host_delay=host_delay)
 
 
-def when_overdue(delivery: Delivery, *, at: datetime) -> tuple[Delivery, tuple[Happening, ...]]:
+def when_overdue(
+    delivery: Delivery, *, at: datetime, host_delay: timedelta
+) -> tuple[Delivery, tuple[Happening, ...]]:
     """The delivery with passed ETAs moved to now, and an event if that makes it late.
 
     For missions that no longer report: a package that should have arrived is late by now.
@@ -212,11 +216,13 @@ def when_overdue(delivery: Delivery, *, at: datetime) -> tuple[Delivery, tuple[H
         lambda _: {"eta_at": at},
         where=lambda one: not one.is_settled and one.eta_at is not None and one.eta_at < at,
     )
-    return _with_lateness(after, at=at)
+    return _with_lateness(after, at=at, host_delay=host_delay)
 
 
-def _with_lateness(delivery: Delivery, *, at: datetime) -> tuple[Delivery, tuple[Happening, ...]]:
-    late = [package for package in delivery.packages if _is_late(package, delivery)]
+def _with_lateness(
+    delivery: Delivery, *, at: datetime, host_delay: timedelta
+) -> tuple[Delivery, tuple[Happening, ...]]:
+    late = [each for each in delivery.packages if _is_late(each, delivery, host_delay)]
     flags = delivery.flags.model_copy(update={"delayed": bool(late)})
     after = changed(delivery, flags=flags)
     if not late or delivery.flags.delayed:
@@ -225,15 +231,16 @@ def _with_lateness(delivery: Delivery, *, at: datetime) -> tuple[Delivery, tuple
     return after, (Happening(DeliveryEventType.DELAYED, at, data),)
 
 
-def _is_late(package: PackageStatus, delivery: Delivery) -> bool:
+def _is_late(package: PackageStatus, delivery: Delivery, host_delay: timedelta) -> bool:
     if package.is_settled or package.eta_at is None or package.due_at is None:
         return False
+    eta_at = package.eta_at - host_delay
     limits = (delivery.request.qos.deadline_at, _latest_at(package, delivery))
-    if any(limit is not None and package.eta_at > limit for limit in limits):
+    if any(limit is not None and eta_at > limit for limit in limits):
         return True
     promised_s = (package.due_at - _start_at(package, delivery)).total_seconds()
     tolerance_s = max(TOLERANCE_S, _TOLERANCE_SHARE * promised_s)
-    return package.eta_at - package.due_at > timedelta(seconds=tolerance_s)
+    return eta_at - package.due_at > timedelta(seconds=tolerance_s)
 
 
 def with_p90(delivery: Delivery) -> Delivery:

@@ -4,6 +4,7 @@ Each report comes once, in the order of its mission. Reports of several missions
 """
 
 from collections.abc import Callable, Mapping
+from datetime import timedelta
 from typing import Final
 
 from skyway.contracts.delivery_event import DeliveryEventType
@@ -37,8 +38,11 @@ from skyway_gateway.deliveries.lifecycle.progress import (
 from skyway_gateway.notifications.delivery_events import Happening
 
 
-def after_report(delivery: Delivery, report: MissionReport) -> Progress:
-    """The delivery after a report about one of its missions."""
+def after_report(delivery: Delivery, report: MissionReport, *, host_delay: timedelta) -> Progress:
+    """The delivery after a report about one of its missions.
+
+    `host_delay` is the lateness that does not count: the machine alone may have caused it.
+    """
     reported = [one for one in delivery.missions if one.mission_id == report.mission_id]
     if not reported:  # a mission of an earlier attempt: the delivery goes on without it
         return Progress(delivery)
@@ -62,7 +66,7 @@ def after_report(delivery: Delivery, report: MissionReport) -> Progress:
     progress = settled(progress, at=report.at, code=report.code, detail=report.detail)
     if progress.delivery.is_over:
         return progress
-    delivery, late = with_etas(progress.delivery, report)
+    delivery, late = with_etas(progress.delivery, report, host_delay=host_delay)
     return Progress(delivery, progress.happenings + late)
 
 

@@ -45,6 +45,7 @@ from skyway_gateway.deliveries.reading.views import (
     proof_of,
 )
 from skyway_gateway.deliveries.records import delivery_store
+from skyway_gateway.lateness.promise import host_delay_ms
 from skyway_gateway.lateness.store import kept_promises
 from skyway_gateway.notifications.delivery_events import EventStream
 
@@ -239,7 +240,12 @@ def statistics_routes(
         caller.must_be("provider", "operator")
         now = clock.now()
         span, provider_id = query.span(now), _provider(caller, query.provider_id)
-        counted = Counted(span, provider_id, query.bucket_ms(span))
+        counted = Counted(
+            span,
+            provider_id,
+            query.bucket_ms(span),
+            host_delay_ms=host_delay_ms(clock),
+        )
         async with reporting.turn(str(caller)), db.survey() as connection:
             found = await statistics_store.sums(connection, counted)
             waiting = None
@@ -258,7 +264,9 @@ def statistics_routes(
         caller.must_be("provider", "operator")
         now = clock.now()
         async with reporting.turn(str(caller)), db.survey() as connection:
-            rows = await kept_promises(connection, now_ms=moment_to_ms(now))
+            rows = await kept_promises(
+                connection, now_ms=moment_to_ms(now), host_delay_ms=host_delay_ms(clock)
+            )
         return PromiseStatistics(
             at=now, items=promises_of(rows, provider_id=_provider(caller, None))
         )

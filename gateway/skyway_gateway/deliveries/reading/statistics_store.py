@@ -38,11 +38,15 @@ _Query = Select[*tuple[Any, ...]]  # columns of every type
 
 @dataclass(frozen=True, slots=True)
 class Counted:
-    """Which deliveries count: requested in a span and, if given, flown by a provider."""
+    """Which deliveries count: requested in a span and, if given, flown by a provider.
+
+    `host_delay_ms` is the lateness that does not count, as `promise.host_delay` says.
+    """
 
     span: Span
     provider_id: ProviderId | None
     bucket_ms: int | None
+    host_delay_ms: int
 
     @property
     def bucket(self) -> ColumnElement[int]:
@@ -99,7 +103,7 @@ def _state_counts(counted: Counted) -> _Query:
 
 def _package_sums(counted: Counted) -> _Query:
     bucket = counted.bucket.label("bucket")
-    delivered = packages.c.delivered_ms
+    delivered = packages.c.delivered_ms - counted.host_delay_ms
     due = func.coalesce(packages.c.due_ms, packages.c.promised_ms)
     is_on_time = delivered <= due + _ON_TIME_MS
     p90 = packages.c.promised_p90_ms

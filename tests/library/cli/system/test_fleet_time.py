@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.system.fleet_time import anchor_clock, keep_heartbeat
+from skyway.cli.system.fleet_time import anchor_clock, keep_heartbeat, rate_for
 from skyway.runtime.clock import load_clock
 
 
@@ -121,3 +121,10 @@ async def test_a_heartbeat_stores_the_time_of_the_anchored_clock(folder: DataFol
     noted = load_clock(folder.heartbeat_file)
     assert folder.heartbeat_file.read_text() != at_the_start
     assert noted.fleet_at == started.fleet_at + (noted.wall_at - started.wall_at) * 120
+
+
+@pytest.mark.parametrize(
+    ("speed", "rate"), [(0.0, 15), (0.24, 15), (0.25, 30), (0.49, 30), (0.5, 60), (9.0, 60)]
+)
+def test_time_runs_slower_in_the_small_world_of_a_slow_machine(speed: float, rate: float) -> None:
+    assert rate_for(speed) == rate
