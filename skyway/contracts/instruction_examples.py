@@ -126,7 +126,7 @@ def _mission() -> MissionInstruction:
 
 
 def _divert() -> DivertInstruction:
-    """Mcqueeney has closed: the drone on its way there flies over it."""
+    """McQueeney has closed: the drone on its way there flies over it."""
     return DivertInstruction(
         **sent(13, 17),
         **_numbered(4, 17, revision=2),

@@ -52,3 +52,7 @@ class Track(WireModel):
     missions: Annotated[
         tuple[TrackedMission, ...], Field(description="The missions of the delivery.")
     ]
+    station_names: Annotated[
+        dict[StationId, str],
+        Field(description="The names of its stations, for people; some may have none."),
+    ] = Field(default_factory=dict)

@@ -7,6 +7,7 @@ import {refusedCalls} from "./api.js";
 import {isClockAsked, startClock} from "./fleet_clock.js";
 import {html} from "./html.js";
 import {followPicture, forgetPicture} from "./live.js";
+import {learnNames} from "./networks.js";
 import {route} from "./routes.js";
 import {loginProblem, offeredLogin, recogniseSession, session} from "./session.js";
 import {Frame} from "./parts/frame.js";
@@ -53,6 +54,7 @@ effect(() => {
   if (session.value) {
     startClock();
     followPicture();
+    learnNames().catch(() => null);
   } else {
     forgetPicture();
   }

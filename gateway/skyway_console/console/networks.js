@@ -15,6 +15,20 @@ export const showNetwork = (networkId) => (chosen.value = networkId);
 
 const contents = new Map();
 
+// The names that people gave to stations, by their ids, of the networks whose content was asked for.
+export const stationNames = signal(new Map());
+
+function keepNames({features}) {
+  const named = features.map(({properties}) => [properties.station_id, properties.name]);
+  stationNames.value = new Map([...stationNames.value, ...named.filter(([, name]) => name)]);
+}
+
+// Every view writes names; most of them ask for no network themselves.
+export async function learnNames() {
+  await listNetworks();
+  if (shownNetwork.value) await networkContent(shownNetwork.value);
+}
+
 export async function listNetworks() {
   networks.value = (await get("/v1/networks")).items;
   return networks.value;
@@ -24,7 +38,7 @@ export function networkContent(networkId) {
   if (!contents.has(networkId)) {
     const content = get(`/v1/networks/${part(networkId)}`);
     contents.set(networkId, content);
-    content.catch(() => contents.delete(networkId));
+    content.then(keepNames, () => contents.delete(networkId));
   }
   return contents.get(networkId);
 }

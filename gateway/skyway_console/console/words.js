@@ -1,6 +1,7 @@
 // How moments, charge, money and ids are written.
 
 import {fleetNow} from "./fleet_clock.js";
+import {stationNames} from "./networks.js";
 
 export const clockTime = (moment) =>
   new Date(moment).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit", hourCycle: "h23"});
@@ -54,7 +55,10 @@ export function marginText({risk} = {}) {
 // The ends of ids differ, their beginnings hardly do.
 export const shortId = (id) => (id.length > 12 ? `…${id.slice(-6)}` : id);
 
-export const stationName = (id) =>
+// The words of its id, until its network's content is here, or where it has no name.
+export const stationName = (id) => stationNames.value.get(id) ?? wordsOfId(id);
+
+const wordsOfId = (id) =>
   id.split(/[-_]/).map((word) => word.charAt(0).toUpperCase() + word.slice(1)).join(" ");
 
 export const inWords = (name) => {

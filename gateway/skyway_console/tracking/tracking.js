@@ -28,7 +28,8 @@ let followAgainAt = 0;
 let again = null;
 let isEnded = false;
 
-const nameOf = (stationId) =>
+// A station without a name is shown by the words of its id.
+const nameOf = (stationId) => state.station_names[stationId] ??
   stationId.split(/[-_]/).map((word) => word.charAt(0).toUpperCase() + word.slice(1)).join(" ");
 const fleetNow = () => Date.parse(state.now) + (Date.now() - readAt) * state.rate;
 const clockTime = (moment) =>

@@ -100,6 +100,7 @@ class TrackedDelivery(JsonModel):
     packages: tuple[TrackedPackage, ...]
     flights: tuple[TrackedFlight, ...]
     places: tuple[TrackedPlace, ...]
+    station_names: dict[StationId, str]
     drones: tuple[TrackedDrone, ...]
 
 
@@ -142,6 +143,7 @@ def tracked(delivery: Delivery, track: Track, *, now: datetime, rate: float) -> 
             if step.kind == "FLY"
         ),
         places=tuple(_places(delivery, track)),
+        station_names=track.station_names,
         drones=tuple(
             TrackedDrone(position=mission.position, at=mission.position_at)
             for mission in track.missions

@@ -76,7 +76,10 @@ async def track_of(db: Database, delivery_id: DeliveryId) -> Track:
         named = {end_of(each.step) for one in flown for each in one.steps}
         stations = await stations_named(connection, named)
     now = {each: row.position for each, row in stations.items()}
-    return Track(missions=tuple(_tracked(each, now) for each in flown))
+    return Track(
+        missions=tuple(_tracked(each, now) for each in flown),
+        station_names={each: row.name for each, row in stations.items() if row.name},
+    )
 
 
 def _flown(

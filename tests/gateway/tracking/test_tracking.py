@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from skyway.contracts.track import Track, TrackedMission
-from skyway.ids import DeliveryId
+from skyway.ids import DeliveryId, StationId
 from tests.gateway.access.test_quotas import replace_part
 from tests.gateway.whole_gateway import Gateway, make_request
 
@@ -198,7 +198,8 @@ async def test_the_page_shows_only_drones_that_carry_its_packages(gateway: Gatew
         TrackedMission(mission_id=each, steps=(), position_at=None, soc=0.7, **drone)
         for each in (f"msn_{delivery_id[4:]}_1", "msn_other")
     )
-    gateway.composition.tracks[delivery_id] = Track(missions=missions)
+    names = {StationId("mcqueeney"): "McQueeney"}
+    gateway.composition.tracks[delivery_id] = Track(missions=missions, station_names=names)
 
     async def drones() -> Any:
         gateway.clock.advance(timedelta(seconds=2))
@@ -208,6 +209,7 @@ async def test_the_page_shows_only_drones_that_carry_its_packages(gateway: Gatew
     for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
         await gateway.report(delivery_id, kind, seq=seq)
     assert await drones() == [{"position": [-98.05, 29.65], "at": None}]
+    assert (await gateway.http.get(f"{path}/state")).json()["station_names"] == names
 
 
 @pytest.mark.parametrize("method", ["GET", "POST", "DELETE"])
