@@ -118,7 +118,6 @@ class QoS(JsonModel):
     pooling: Annotated[
         bool,
         Field(
-            strict=True,
             description="Whether the drone may carry packages of other deliveries on this trip; "
             "then each pays its `pooled_price`. A request with windows or a deadline flies alone.",
         ),

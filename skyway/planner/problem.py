@@ -39,7 +39,6 @@ from skyway.planner.problem_parts import (
     SegmentClosure,
     StationClosure,
     TimedAct,
-    not_text_or_truth,
     window_faults,
 )
 from skyway.planner.reservations import PadReservations
@@ -167,13 +166,12 @@ class Problem(JsonModel):
     ] = None
     pickup_latest_s: Annotated[Seconds | None, Field(description="Loading is over by then.")] = None
     time_limit_s: Annotated[
-        Annotated[float, Field(gt=0, le=MAX_SECONDS, strict=True)] | None,
+        Annotated[float, Field(gt=0, le=MAX_SECONDS)] | None,
         Field(description="Seconds after which the best plan so far is answered."),
     ] = None
     label_limit: Annotated[
         Annotated[int, Field(gt=0, le=MAX_LABELS)] | None,
         Field(description="Labels after which the best plan so far is answered."),
-        BeforeValidator(not_text_or_truth),
     ] = None
 
     @property

@@ -134,7 +134,7 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
         "moment without a zone",
         {"earliest_pickup_at": "2026-03-01T16:00:00"},
         "earliest_pickup_at",
-        "timezone",
+        "must be a moment like",
     ),
     ("unknown field", {"colour": "red"}, "colour", "not permitted"),
     ("price below zero", {"qos": {"max_price": -1}}, "qos.max_price", "greater than or equal"),
