@@ -41,7 +41,7 @@ def _within_calendar(moment: datetime) -> datetime:
     if not EARLIEST <= moment <= LATEST:
         raise PydanticCustomError(
             "moment_out_of_range",
-            "Moment should be between {earliest} and {latest}",
+            "must be between {earliest} and {latest}",
             {"earliest": f"{EARLIEST:%Y-%m-%d}", "latest": f"{LATEST:%Y-%m-%d}"},
         )
     return moment
@@ -65,7 +65,7 @@ def _small(data: dict[str, Any]) -> dict[str, Any]:
     JSON has no NaN and no infinity, but readers of JSON make them of `NaN` and `1e999`.
     """
     if not _is_finite(data):
-        raise PydanticCustomError("finite_number", "Each number in it should be finite")
+        raise PydanticCustomError("finite_numbers", "has a number that is infinite")
     size = len(repr(data))
     return data if size <= MOST_OBJECT else {"left_out": f"{size} characters"}
 

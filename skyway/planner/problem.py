@@ -63,13 +63,6 @@ MAX_LABELS = 10**15
 MAX_FAULTS = 50
 
 
-def _written_moment(value: Any) -> Any:  # any JSON value; seconds since 1970 would pass
-    is_written = isinstance(value, str) and value[4:5] == "-"
-    if isinstance(value, str | int | float) and not is_written:
-        raise PydanticCustomError("moment", "Input should be an RFC 3339 moment with a time zone")
-    return value
-
-
 def _few_packages(value: Any) -> Any:  # any JSON value; counted before a million are read
     if isinstance(value, Sized) and len(value) > MAX_PACKAGES:
         raise PydanticCustomError(
@@ -115,7 +108,6 @@ class Problem(JsonModel):
     start_at: Annotated[
         Moment | None,
         Field(description="The fleet time of second 0; zones need it."),
-        BeforeValidator(_written_moment),
     ] = None
     drone: Annotated[DroneAtStart, Field(description="The drone at its start.")]
     are_on_board: Annotated[

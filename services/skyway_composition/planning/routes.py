@@ -13,6 +13,7 @@ from fastapi import Depends, Request
 from pydantic import Field, TypeAdapter, ValidationError, create_model
 
 from skyway.bounds import Moment
+from skyway.complaints import fault_of
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.delivery.plan import Plan
 from skyway.errors import InvalidProblem
@@ -74,9 +75,7 @@ class NetworkReference(JsonModel):
         try:
             return cls.model_validate(value)
         except ValidationError as error:
-            fault = error.errors()[0]
-            field = ".".join(str(part) for part in ("network", *fault["loc"]))
-            raise InvalidProblem(field, fault["msg"]) from error
+            raise InvalidProblem(*fault_of(error.errors()[0], "network")) from error
 
 
 #: The body of POST /v1/compositions; `read_problem` reads it.

@@ -274,9 +274,9 @@ def _unstorable(value: object, path: Path = ()) -> Iterator[tuple[Path, str]]:
     elif isinstance(value, str):
         yield from ((path, reason) for reason in _text_faults(value))
     elif isinstance(value, float) and not math.isfinite(value):
-        yield path, "Input should be a finite number"
+        yield path, "must be a finite number"
     elif isinstance(value, int) and abs(value) > _MAX_INTEGER:
-        yield path, f"Input should be an integer of at most {_MAX_INTEGER}"
+        yield path, f"must be a whole number of at most {_MAX_INTEGER}"
 
 
 def _text_faults(text: str) -> Iterator[str]:

@@ -77,7 +77,7 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
         "negative mass",
         {"packages": [_package(mass_kg=-1)]},
         "packages.0.mass_kg",
-        "greater than or equal to 0",
+        "must be at least 0",
     ),
     (
         "overweight package",
@@ -136,8 +136,8 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
         "earliest_pickup_at",
         "must be a moment like",
     ),
-    ("unknown field", {"colour": "red"}, "colour", "not permitted"),
-    ("price below zero", {"qos": {"max_price": -1}}, "qos.max_price", "greater than or equal"),
+    ("unknown field", {"colour": "red"}, "colour", "is not a known field"),
+    ("price below zero", {"qos": {"max_price": -1}}, "qos.max_price", "at least 0"),
     ("reference too long", {"reference": "x" * 201}, "reference", "at most 200 characters"),
 ]
 

@@ -83,7 +83,7 @@ async def test_every_field_at_fault_is_named(
 
     assert_is_problem(answer, 422, "invalid-input")
     assert sorted(fields_at_fault(answer)) == ["colour", "crates.1.mass_kg", "crates.2.mass_kg"]
-    assert "greater than or equal to 0" in answer.text
+    assert "must be at least 0" in answer.text
 
 
 async def test_a_query_parameter_at_fault_is_named_by_itself(
