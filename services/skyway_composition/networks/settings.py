@@ -135,8 +135,8 @@ class NetworkDocument(NetworkGeoJson):
     ] = NetworkSettings()
 
 
-def settings_of(network: Network) -> NetworkSettings:
-    """The settings of this network.
+def settings_of(network: Network, *above: str) -> NetworkSettings:
+    """The settings of this network; `above` are the fields that hold it in the document.
 
     Raises
     ------
@@ -146,4 +146,4 @@ def settings_of(network: Network) -> NetworkSettings:
     try:
         return NetworkSettings.model_validate(dict(network.settings))
     except ValidationError as error:
-        raise InvalidNetwork(*fault_of(error.errors()[0], "settings")) from error
+        raise InvalidNetwork(*fault_of(error.errors()[0], *above, "settings")) from error

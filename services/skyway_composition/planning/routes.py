@@ -34,7 +34,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.networks.prepared import NOTHING_PUBLISHED, PreparedNetworks
 from skyway_composition.networks.routes import MAX_VERSION
-from skyway_composition.networks.settings import NetworkDocument
+from skyway_composition.networks.settings import NetworkDocument, settings_of
 from skyway_composition.networks.store import has_networks
 from skyway_composition.planning.no_shows import NoShows
 from skyway_composition.planning.solver_pool import ReadingTurn, SolverPool
@@ -232,6 +232,8 @@ def composition_routes(
             )
             # A problem has its own weather; without it plans assume still air.
             return await compose_in(solver, world.in_still_air(), problem)
-        return await solver.compose(await reading.run(read_problem, document))
+        problem = await reading.run(read_problem, document)
+        settings_of(problem.network, "network")  # no plan needs them, but faults are named
+        return await solver.compose(problem)
 
     return router

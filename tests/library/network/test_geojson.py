@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from skyway.bounds import EARLIEST, LATEST
 from skyway.errors import InvalidNetwork
 from skyway.geo import Position, distance_m
 from skyway.ids import StationId, ZoneId
@@ -240,7 +241,7 @@ IDENTIFIERS = st.from_regex(r"[A-Za-z0-9_-]{1,8}", fullmatch=True)
 POSITIONS = st.builds(Position, st.floats(-180, 180), st.floats(-90, 90))
 EXTRAS = st.dictionaries(st.sampled_from(["roof", "wire"]), st.integers() | st.none() | st.text())
 MOMENTS = st.none() | st.datetimes(
-    datetime(1970, 1, 1), datetime(9000, 1, 1), timezones=st.just(UTC)
+    EARLIEST.replace(tzinfo=None), LATEST.replace(tzinfo=None), timezones=st.just(UTC)
 )
 
 

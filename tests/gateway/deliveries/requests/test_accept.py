@@ -99,7 +99,7 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
     ),
     (
         "objective and weights",
-        {"qos": {"objective": "fastest", "weights": {"time": 1}}},
+        {"qos": {"objective": "FASTEST", "weights": {"time": 1}}},
         "qos",
         "exclude each other",
     ),
@@ -114,6 +114,12 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
         {"qos": {"deadline_at": "2026-03-01T11:59:59Z"}},
         "qos.deadline_at",
         "is in the past",
+    ),
+    (
+        "pickup in the past",
+        {"earliest_pickup_at": "2026-03-01T11:54:59Z"},
+        "earliest_pickup_at",
+        "is in the past: fleet time is 2026-03-01 12:00:00",
     ),
     (
         "deadline before the pickup",

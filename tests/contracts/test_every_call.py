@@ -1,0 +1,126 @@
+"""What holds for every call of the OpenAPI documents."""
+
+import contextlib
+import json
+from typing import Any, Final
+
+import pytest
+from pydantic import ValidationError
+
+from skyway.contracts.asyncapi import message_schemas
+from skyway.contracts.message_examples import message_examples
+from skyway.contracts.topics import TOPICS
+from tests.contracts.every_call import (
+    SERVICES,
+    Call,
+    calls,
+    client_of,
+    members_in,
+    members_of,
+)
+
+#: Values of each JSON type, and texts that only look like one of another type.
+VALUES: Final[dict[str, tuple[Any, ...]]] = {
+    "string": ("1", "true", "1795428000"),
+    "integer": (1, 0, 1795428000),
+    "number": (1.5,),
+    "boolean": (True, False),
+    "null": (None,),
+    "object": ({},),
+    "array": ([],),
+}
+SCALARS: Final = {"string", "integer", "number", "boolean"}
+
+#: Texts that are of no use for a parameter of this type.
+WRONG_TEXTS: Final = {
+    "integer": ("", "x", "1.5", "true"),
+    "number": ("", "x", "true"),
+    "boolean": ("", "x", "2"),
+    "date-time": ("", "x", "1.5", "1795428000", "2026-03-02", "2026-03-02T09:16:00"),
+}
+
+
+def wrong_values(forms: list[dict[str, Any]]) -> list[Any]:
+    """The values whose JSON type none of these forms has; a moment is no other text."""
+    kinds = {form.get("type") or ("string" if "enum" in form else None) for form in forms}
+    if None in kinds or not kinds & SCALARS:
+        return []
+    if "number" in kinds:
+        kinds.add("integer")
+    wrong = [value for kind, values in VALUES.items() if kind not in kinds for value in values]
+    is_moment = any(form.get("format") == "date-time" for form in forms)
+    return wrong + (["1795428000", "2026-03-02", "2026-03-02T09:16:00"] if is_moment else [])
+
+
+@pytest.mark.parametrize("service", SERVICES)
+async def test_a_scalar_of_a_wrong_type_is_refused_with_its_name(service: str) -> None:
+    tried, wrong = 0, []
+    async with client_of(service) as client:
+        for call in calls(service):
+            if call.body is None:
+                continue
+            for member in members_of(call):
+                for value in wrong_values(member.forms):
+                    body = member.changed_to(value)
+                    answer = await client.request(call.method, call.url, json=body)
+                    tried += 1
+                    if fault := fault_of(answer, member.name):
+                        wrong.append((str(call), member.name, value, fault))
+
+    assert tried > 100
+    assert not wrong, "\n".join(map(str, wrong))
+
+
+@pytest.mark.parametrize("name", message_examples())
+def test_a_scalar_of_a_wrong_type_makes_a_message_unreadable(name: str) -> None:
+    example, schema = message_examples()[name], message_schemas(TOPICS)[name]
+    body, read = example.model_dump(mode="json"), []
+
+    for member in members_in(schema, body, body, schema.get("$defs", {})):
+        for value in wrong_values(member.forms):
+            text = json.dumps(member.changed_to(value))
+            with contextlib.suppress(ValidationError):
+                type(example).model_validate_json(text, extra="ignore")
+                read.append((member.name, value))
+
+    assert not read
+
+
+def fault_of(answer: Any, field: str) -> str | None:
+    """What is wrong with an answer that should refuse this field; None if it does."""
+    if answer.status_code != 422:
+        return f"{answer.status_code} {answer.text[:100]}"
+    fields = [each["field"] for each in answer.json()["errors"]]
+    if not any(each == field or each.startswith(f"{field}.") for each in fields):
+        return f"names {fields}"
+    return None
+
+
+@pytest.mark.parametrize("service", SERVICES)
+async def test_a_parameter_of_a_wrong_type_is_refused_with_its_name(service: str) -> None:
+    tried, wrong = 0, []
+    async with client_of(service) as client:
+        for call in calls(service):
+            for parameter in call.query:
+                for text in wrong_texts(parameter["schema"]):
+                    answer = await client.request(
+                        call.method, call.url, params={**required(call), parameter["name"]: text}
+                    )
+                    tried += 1
+                    if fault := fault_of(answer, parameter["name"]):
+                        wrong.append((str(call), parameter["name"], text, fault))
+
+    assert tried > 20
+    assert not wrong, "\n".join(map(str, wrong))
+
+
+def wrong_texts(schema: dict[str, Any]) -> tuple[str, ...]:
+    forms = schema.get("anyOf", [schema])
+    if any("enum" in form or "const" in form for form in forms):
+        return ("no such word",)
+    kinds = {form.get("format") or form.get("type") for form in forms}
+    return next((texts for kind, texts in WRONG_TEXTS.items() if kind in kinds), ())
+
+
+def required(call: Call) -> dict[str, str]:
+    return {each["name"]: "1" for each in call.query if each.get("required")}
