@@ -47,6 +47,12 @@ def _within_calendar(moment: datetime) -> datetime:
     return moment
 
 
+def _stays(value: object) -> object:
+    if value is None:
+        raise PydanticCustomError("null", "may be left out, but not null")
+    return value
+
+
 def printable(text: object) -> object:
     """The text without control characters, and at most `MOST_TEXT` characters of it.
 
@@ -85,6 +91,9 @@ def _is_finite(value: object) -> bool:
 
 #: A moment with its offset from UTC.
 Moment = Annotated[AwareDatetime, BeforeValidator(_as_rfc_3339), AfterValidator(_within_calendar)]
+
+#: Of a member of a PATCH that may be left out, so its type has null, but not removed.
+NotNull: Final = BeforeValidator(_stays)
 
 #: A whole number that every reader of JSON and every database holds exactly.
 Count = Annotated[int, Field(ge=0, le=2**53 - 1)]

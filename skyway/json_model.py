@@ -68,6 +68,15 @@ class JsonModel(BaseModel):
             _tighten(own.get("schema"))
         return schema
 
+    def merged(self, changes: "JsonModel") -> Self:
+        """The value with the members that `changes` gives, inside of its objects too (RFC 7396)."""
+        given = {name: getattr(changes, name) for name in changes.model_fields_set}
+        for name, value in given.items():
+            before = getattr(self, name, None)
+            if isinstance(value, JsonModel) and isinstance(before, JsonModel):
+                given[name] = before.merged(value)
+        return self.model_validate({**dict(self), **given})
+
     @classmethod
     def read(cls, raw: bytes | str) -> Self:
         """The value in this JSON; fields that this version does not know are ignored."""

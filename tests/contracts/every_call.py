@@ -68,6 +68,12 @@ class Call:
         return content.get("application/json")
 
     @property
+    def schema_name(self) -> str:
+        """The name of the schema of the body."""
+        assert self.body is not None
+        return str(self.body["schema"]["$ref"]).rpartition("/")[2]
+
+    @property
     def query(self) -> list[dict[str, Any]]:
         """The parameters of the query."""
         return [each for each in self.operation.get("parameters", ()) if each["in"] == "query"]

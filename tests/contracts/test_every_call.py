@@ -17,6 +17,7 @@ from tests.contracts.every_call import (
     client_of,
     members_in,
     members_of,
+    schemas_of,
 )
 
 #: Values of each JSON type, and texts that only look like one of another type.
@@ -84,6 +85,34 @@ def test_a_scalar_of_a_wrong_type_makes_a_message_unreadable(name: str) -> None:
                 read.append((member.name, value))
 
     assert not read
+
+
+async def test_a_member_of_a_patch_is_null_only_where_the_document_says_what_null_does() -> None:
+    wrong = []
+    for call in (call for call in calls() if call.method == "patch"):
+        async with client_of(call.service) as client:
+            for member in members_of(call):
+                if len(member.place) > 1:
+                    continue
+                answer = await client.patch(call.url, json={member.name: None})
+                about = schemas_of(call)[call.schema_name]["properties"][member.name]["description"]
+                if ("null" in about) is (fault_of(answer, member.name) is None):
+                    wrong.append((str(call), member.name, answer.status_code))
+
+    assert not wrong
+
+
+def test_every_object_within_a_patch_is_merged_by_a_test_of_its_own() -> None:
+    """An object of a PATCH changes only the members that are sent: see `JsonModel.merged`."""
+    objects = {
+        (str(call), member.name)
+        for call in calls()
+        if call.method == "patch"
+        for member in members_of(call)
+        if any("properties" in form for form in member.forms)
+    }
+
+    assert objects == {("PATCH /v1/providers/{provider_id}", "tariff")}
 
 
 def fault_of(answer: Any, field: str) -> str | None:

@@ -8,11 +8,11 @@ import random
 import secrets
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from skyway.bounds import Moment
+from skyway.bounds import Moment, NotNull
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId
 from skyway.json_model import JsonModel
@@ -70,21 +70,15 @@ class NewWebhook(JsonModel):
 class WebhookChange(JsonModel):
     """What to change of a webhook; the state ACTIVE enables a disabled webhook again."""
 
-    url: Annotated[WebhookUrl | None, Field(description="The new URL.")] = None
+    url: Annotated[WebhookUrl | None, NotNull, Field(description="The new URL.")] = None
     event_types: Annotated[
         EventTypes | None, Field(description="The new event types; null for all of them.")
     ] = None
     state: Annotated[
         WebhookState | None,
+        NotNull,
         Field(description="ACTIVE enables the webhook again, DISABLED stops it."),
     ] = None
-
-    @model_validator(mode="after")
-    def _url_and_state_are_never_null(self) -> Self:
-        for name in ("url", "state"):
-            if name in self.model_fields_set and getattr(self, name) is None:
-                raise ValueError(f"{name} cannot be null; leave it out to keep it")
-        return self
 
 
 class Webhook(JsonModel):
