@@ -1,13 +1,14 @@
 """What holds for every call of the OpenAPI documents."""
 
 import contextlib
+import gzip
 import json
 from typing import Any, Final
 
 import pytest
 from pydantic import ValidationError
 
-from skyway.contracts.asyncapi import message_schemas
+from skyway.contracts.asyncapi import documented_message, message_schemas
 from skyway.contracts.message_examples import message_examples
 from skyway.contracts.topics import TOPICS
 from tests.contracts.every_call import (
@@ -15,6 +16,7 @@ from tests.contracts.every_call import (
     Call,
     calls,
     client_of,
+    example_body,
     members_in,
     members_of,
     schemas_of,
@@ -30,6 +32,7 @@ VALUES: Final[dict[str, tuple[Any, ...]]] = {
     "object": ({},),
     "array": ([],),
 }
+JSON: Final = {"Content-Type": "application/json"}
 SCALARS: Final = {"string", "integer", "number", "boolean"}
 
 #: Texts that are of no use for a parameter of this type.
@@ -153,3 +156,105 @@ def wrong_texts(schema: dict[str, Any]) -> tuple[str, ...]:
 
 def required(call: Call) -> dict[str, str]:
     return {each["name"]: "1" for each in call.query if each.get("required")}
+
+
+@pytest.mark.parametrize("service", SERVICES)
+async def test_a_call_that_accepts_no_type_of_its_answers_is_refused_with_their_list(
+    service: str,
+) -> None:
+    wrong: list[tuple[str, str, int]] = []
+    async with client_of(service) as client:
+        for call in calls(service):
+            types = answered_types(call)
+            refused = ("text/csv", "text/csv, application/json;q=0", "image/*") if types else ()
+            accepted = (*types, "*/*", "text/html, */*;q=0.1", "image/*, application/*, text/*")
+            for accept in (*refused, *accepted):
+                answer = await client.request(call.method, call.url, headers={"Accept": accept})
+                is_refused = answer.status_code == 406
+                if is_refused != (accept in refused):
+                    wrong.append((str(call), accept, answer.status_code))
+                if is_refused and not all(each in answer.json()["detail"] for each in types):
+                    wrong.append((str(call), answer.text, answer.status_code))
+
+    assert not wrong
+
+
+def answered_types(call: Call) -> list[str]:
+    return [
+        media
+        for status, answer in call.operation["responses"].items()
+        if status.startswith("2")
+        for media in answer.get("content", ())
+    ]
+
+
+@pytest.mark.parametrize("service", SERVICES)
+async def test_a_compressed_body_is_refused_with_the_name_of_the_header(service: str) -> None:
+    wrong = []
+    headers = {**JSON, "Content-Encoding": "gzip"}
+    async with client_of(service) as client:
+        for call in (call for call in calls(service) if call.body is not None):
+            body = gzip.compress(json.dumps(example_body(call)).encode())
+            answer = await client.request(call.method, call.url, content=body, headers=headers)
+            if answer.status_code != 415 or "Content-Encoding" not in answer.json()["detail"]:
+                wrong.append((str(call), answer.status_code, answer.text))
+
+    assert not wrong
+
+
+@pytest.mark.parametrize("service", SERVICES)
+async def test_a_member_that_stands_twice_is_refused_with_its_name(service: str) -> None:
+    tried, wrong = 0, []
+    async with client_of(service) as client:
+        for call in (call for call in calls(service) if call.body is not None):
+            for member in members_of(call):
+                if isinstance(member.place[-1], int):
+                    continue
+                text = json.dumps(member.changed_to({"here": None}))
+                name = json.dumps(member.place[-1])
+                twice = text.replace('{"here": null}', f"1, {name}: 2")
+                answer = await client.request(call.method, call.url, content=twice, headers=JSON)
+                tried += 1
+                if fault := fault_of(answer, member.name):
+                    wrong.append((str(call), member.name, fault))
+                elif "stands twice" not in answer.json()["detail"]:
+                    wrong.append((str(call), member.name, answer.text))
+
+    assert tried > 10
+    assert not wrong
+
+
+@pytest.mark.parametrize("name", message_examples())
+def test_a_member_that_stands_twice_makes_a_message_unreadable(name: str) -> None:
+    example = message_examples()[name]
+    topic = next(each for each in TOPICS if f".{name}" in repr(documented_message(each)))
+    text = example.model_dump_json()
+
+    assert topic.read(text.encode())
+    for each, value in json.loads(text).items():
+        escaped, again = f"\\u{ord(each[0]):04x}{each[1:]}", json.dumps(value)
+        for added in (
+            f'"{each}": {again}',
+            f'"{escaped}": {again}',
+            f'"unknown": [{{"a": 1}}, {{"{each}": {{"b": 1, "b" : 2}}}}]',
+        ):
+            with pytest.raises(ValidationError, match="stands twice in one object"):
+                topic.read(f"{text[:-1]}, {added}}}".encode())
+
+
+@pytest.mark.parametrize("service", SERVICES)
+async def test_head_is_answered_like_get_without_a_body(service: str) -> None:
+    wrong = []
+    async with client_of(service) as client:
+        for call in (call for call in calls(service) if call.method == "get"):
+            params = {**required(call), "limit": "x", "cursor": "x", "dry_run": "x"}
+            get = await client.get(call.url, params=params)
+            head = await client.head(call.url, params=params)
+            told = [
+                (answer.status_code, answer.headers["content-type"], len(answer.headers))
+                for answer in (get, head)
+            ]
+            if head.content or told[0] != told[1]:
+                wrong.append((str(call), told, head.content))
+
+    assert not wrong

@@ -189,7 +189,7 @@ def allowed_methods(request: Request) -> list[str]:
     methods: set[str] = set()
     for route in iter_route_contexts(app.routes):
         if route.methods and route.path and compile_path(route.path)[0].match(path):
-            methods |= route.methods
+            methods |= route.methods | ({"HEAD"} if "GET" in route.methods else set())
     return sorted(methods)
 
 

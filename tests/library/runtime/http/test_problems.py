@@ -109,7 +109,7 @@ async def test_the_answer_to_a_wrong_method_names_the_allowed_methods(
     answer = await client.patch("/loads")
 
     assert_is_problem(answer, 405, "method-not-allowed")
-    assert answer.headers["allow"] == "DELETE, GET, POST"
+    assert answer.headers["allow"] == "DELETE, GET, HEAD, POST"
 
 
 async def test_an_unknown_path_is_a_problem(
