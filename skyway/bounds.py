@@ -16,6 +16,12 @@ from pydantic_core import PydanticCustomError
 EARLIEST: Final = datetime(1970, 1, 1, tzinfo=UTC)
 LATEST: Final = datetime(9000, 1, 1, tzinfo=UTC)
 
+#: A moment as JSON has it: date, time with seconds, and the distance from UTC.
+_RFC_3339: Final = re.compile(
+    r"\d{4}-\d\d-\d\d[Tt]\d\d:\d\d:\d\d(\.\d+)?([Zz]|[+-]\d\d:\d\d)", re.ASCII
+)
+NO_MOMENT: Final = "must be a moment like 2026-03-02T09:16:00Z, with its distance from UTC"
+
 #: The most characters of a text that a drone writes, and of an open object as JSON-like text.
 MOST_TEXT: Final = 500
 MOST_OBJECT: Final = 4_000
@@ -24,14 +30,27 @@ MOST_OBJECT: Final = 4_000
 _CONTROL: Final = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
 
 
+def _as_rfc_3339(value: object) -> object:
+    """The value, if it is a moment or its text; numbers and other forms of ISO 8601 are refused."""
+    if isinstance(value, datetime) or (isinstance(value, str) and _RFC_3339.fullmatch(value)):
+        return value
+    raise PydanticCustomError("moment_form", NO_MOMENT)
+
+
 def _within_calendar(moment: datetime) -> datetime:
     if not EARLIEST <= moment <= LATEST:
         raise PydanticCustomError(
             "moment_out_of_range",
-            "Moment should be between {earliest} and {latest}",
+            "must be between {earliest} and {latest}",
             {"earliest": f"{EARLIEST:%Y-%m-%d}", "latest": f"{LATEST:%Y-%m-%d}"},
         )
     return moment
+
+
+def _stays(value: object) -> object:
+    if value is None:
+        raise PydanticCustomError("null", "may be left out, but not null")
+    return value
 
 
 def printable(text: object) -> object:
@@ -52,7 +71,7 @@ def _small(data: dict[str, Any]) -> dict[str, Any]:
     JSON has no NaN and no infinity, but readers of JSON make them of `NaN` and `1e999`.
     """
     if not _is_finite(data):
-        raise PydanticCustomError("finite_number", "Each number in it should be finite")
+        raise PydanticCustomError("finite_numbers", "has a number that is infinite")
     size = len(repr(data))
     return data if size <= MOST_OBJECT else {"left_out": f"{size} characters"}
 
@@ -71,7 +90,10 @@ def _is_finite(value: object) -> bool:
 
 
 #: A moment with its offset from UTC.
-Moment = Annotated[AwareDatetime, AfterValidator(_within_calendar)]
+Moment = Annotated[AwareDatetime, BeforeValidator(_as_rfc_3339), AfterValidator(_within_calendar)]
+
+#: Of a member of a PATCH that may be left out, so its type has null, but not removed.
+NotNull: Final = BeforeValidator(_stays)
 
 #: A whole number that every reader of JSON and every database holds exactly.
 Count = Annotated[int, Field(ge=0, le=2**53 - 1)]

@@ -12,8 +12,8 @@ EARTH_RADIUS_M = 6_371_008.8
 class Position(NamedTuple):
     """Longitude and latitude in degrees, in GeoJSON's order."""
 
-    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
-    latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0)]
+    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0, strict=True)]
+    latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0, strict=True)]
 
 
 def distance_m(start: Position, end: Position) -> float:

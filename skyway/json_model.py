@@ -1,29 +1,88 @@
-"""The base of all models with a JSON form: frozen, and strict about unknown fields; a cache."""
+"""The base of all models with a JSON form: frozen, strict about types and fields; a cache."""
 
-from typing import Any, Final, Generic, Self, TypeVar
+import json
+import re
+from collections.abc import Iterator
+from typing import Any, ClassVar, Final, Generic, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler
-from pydantic_core import CoreSchema
+from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core.core_schema import no_info_before_validator_function
 
 #: The validation of a longer list ends at its first wrong item: faults cost time, too.
 _ALL_FAULTS_OF: Final = 100
 
 
-def _end_early(schema: Any) -> None:  # a part of a core schema, which has no common static type
-    """Let each long list end its validation at the first wrong item; inner models do so already."""
+#: Types for which no other type of JSON may stand: "5" and true are no numbers, 1 is not true.
+_STRICT: Final = ("bool", "float")
+
+
+#: The names and numbers that lead to a member.
+Path = tuple[str | int, ...]
+
+#: What is wrong with a member that stands twice.
+STANDS_TWICE: Final = "stands twice in one object"
+
+#: A text in JSON without backslashes, and the colon after it if it is a name.
+_TEXTS: Final = re.compile(rb'"([^"]*)"(\s*:)?')
+
+
+def _whole(value: Any) -> Any:  # any JSON value
+    """The value, unless it only passes for a whole number; 5.0 is one."""
+    if isinstance(value, bool | str | bytes):
+        raise PydanticCustomError("whole_number", "must be a whole number")
+    return value
+
+
+def _tighten(schema: Any) -> None:  # a part of a core schema, which has no common static type
+    """Take each scalar in its own JSON type only, and end long lists at the first wrong item.
+
+    Inner models do so already.
+    """
     if isinstance(schema, list | tuple):
         for each in schema:
-            _end_early(each)
+            _tighten(each)
     elif isinstance(schema, dict) and schema.get("type") != "model":
+        if schema.get("type") in _STRICT:
+            schema["strict"] = True
         is_list = schema.get("type") == "list" or "variadic_item_index" in schema
         if is_list and schema.get("max_length", _ALL_FAULTS_OF + 1) > _ALL_FAULTS_OF:
             schema["fail_fast"] = True
         for each in schema.values():
-            _end_early(each)
+            _tighten(each)
+        if schema.get("type") == "int":
+            checked = no_info_before_validator_function(_whole, {**schema})
+            schema.clear()
+            schema.update(checked)
+
+
+def repeated_member(raw: bytes) -> Path | None:
+    """The path of a member that stands twice in one object of this JSON; None if there is none.
+
+    Readers of JSON differ: most take the last value of such a member, some the first.
+    """
+    if b"\\" not in raw:
+        names = [name for name, colon in _TEXTS.findall(raw) if colon]
+        if len(set(names)) == len(names):  # of most messages: no name stands twice at all
+            return None
+    return next(_repeated(json.loads(raw, object_pairs_hook=tuple), ()), None)
+
+
+def _repeated(value: Any, above: Path) -> Iterator[Path]:  # JSON with tuples of pairs as objects
+    names = set[str | int]()
+    for number, each in enumerate(value if isinstance(value, list | tuple) else ()):
+        name, inner = each if isinstance(value, tuple) else (number, each)
+        if name in names:
+            yield (*above, name)
+        names.add(name)
+        yield from _repeated(inner, (*above, name))
 
 
 class JsonModel(BaseModel):
-    """A frozen value with a JSON form; unknown fields, NaN and infinity are refused."""
+    """A frozen value with a JSON form; unknown fields, other types and NaN are refused."""
+
+    #: Whether numbers come as text.
+    takes_text: ClassVar[bool] = False
 
     model_config = ConfigDict(
         frozen=True,
@@ -36,12 +95,22 @@ class JsonModel(BaseModel):
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Pydantic's own schema (of any type `source`), in which long lists end early."""
+        """Pydantic's own schema (of any type `source`), strict about scalars and long lists."""
         schema = own = handler(source)
         while own.get("type") != "model" and "schema" in own:  # validators of the model
             own = own["schema"]
-        _end_early(own.get("schema"))
+        if not cls.takes_text:
+            _tighten(own.get("schema"))
         return schema
+
+    def merged(self, changes: "JsonModel") -> Self:
+        """The value with the members that `changes` gives, inside of its objects too (RFC 7396)."""
+        given = {name: getattr(changes, name) for name in changes.model_fields_set}
+        for name, value in given.items():
+            before = getattr(self, name, None)
+            if isinstance(value, JsonModel) and isinstance(before, JsonModel):
+                given[name] = before.merged(value)
+        return self.model_validate({**dict(self), **given})
 
     @classmethod
     def read(cls, raw: bytes | str) -> Self:
@@ -53,6 +122,12 @@ class WireModel(JsonModel):
     """A `JsonModel` between Skyway's own processes: fields of a newer writer are ignored."""
 
     model_config = ConfigDict(extra="ignore")
+
+
+class QueryModel(JsonModel):
+    """The query of a call, whose values all come as text: `5` is read as a number."""
+
+    takes_text = True
 
 
 J = TypeVar("J", bound=JsonModel)

@@ -40,7 +40,7 @@ _PORTS: Final = (8000, 8001, 8002)
 _EXEC: Final = re.compile(r"exec deployment/(\S+) -- (.+)")
 _REQUEST: Final = {
     "pickup": {"station_id": "san-marcos"},
-    "qos": {"objective": "fastest"},
+    "qos": {"objective": "FASTEST"},
     "packages": [{"package_id": "p1", "mass_kg": 0.8, "destination": {"station_id": "kyle"}}],
 }
 

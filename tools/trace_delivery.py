@@ -244,7 +244,7 @@ def request_delivery(client: Client) -> None:
     request = {
         "pickup": {"station_id": "san-marcos"},
         "packages": [{"package_id": "p1", **package}],
-        "qos": {"objective": "fastest"},
+        "qos": {"objective": "FASTEST"},
     }
     client.call("POST", "/v1/deliveries", "CUSTOMER", request)
 

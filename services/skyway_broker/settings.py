@@ -46,7 +46,7 @@ class BrokerSettings:
         """
         password_file = os.environ.get("SKYWAY_BROKER_PASSWORD_FILE")
         if not password_file:
-            raise InvalidSettings("SKYWAY_BROKER_PASSWORD_FILE: Field required")
+            raise InvalidSettings("SKYWAY_BROKER_PASSWORD_FILE: is missing")
         return cls(
             password_file=Path(password_file),
             host=os.environ.get("SKYWAY_BROKER_HOST", "127.0.0.1"),

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
+from skyway.complaints import sentence_of
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId
 from skyway.runtime.errors import InvalidSettings
@@ -93,7 +94,7 @@ def _placed(given: argparse.Namespace) -> Placed | None:
         )
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        raise InvalidInput("--position", f"{first['msg']}, not {first['input']!r}") from error
+        raise InvalidInput("--position", f"{sentence_of(first)}, not {first['input']!r}") from error
 
 
 def _mavlink(given: argparse.Namespace) -> MavlinkSettings | None:

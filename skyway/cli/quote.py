@@ -33,7 +33,7 @@ def quote_command(
     pickup: PickupArgument = None,
     package: PackageOption = None,
     file: FileOption = None,
-    objective: ObjectiveOption = "fastest",
+    objective: ObjectiveOption = "FASTEST",
     priority: PriorityOption = "STANDARD",
     promise: PromiseOption = "P90",
     pooling: PoolingOption = False,

@@ -31,16 +31,21 @@ FileOption = Annotated[
 ]
 
 #: `skyway.delivery.qos.Objective`, which would make the start of every command slow.
-_ObjectiveName = Literal["fastest", "cheapest", "greenest"]
+_ObjectiveName = Literal["FASTEST", "CHEAPEST", "GREENEST"]
 
-ObjectiveOption = Annotated[_ObjectiveName, typer.Option(help="What makes an offer best.")]
+ObjectiveOption = Annotated[
+    _ObjectiveName, typer.Option(case_sensitive=False, help="What makes an offer best.")
+]
 
 #: `skyway.delivery.qos.Priority`, which would make the start of every command slow.
 _PriorityName = Literal["STANDARD", "PRIORITY"]
 
 PriorityOption = Annotated[
     _PriorityName,
-    typer.Option(help="PRIORITY is planned first, at a price factor of the provider."),
+    typer.Option(
+        case_sensitive=False,
+        help="PRIORITY is planned first, at a price factor of the provider.",
+    ),
 ]
 
 #: `skyway.delivery.qos.PromiseLevel`, which would make the start of every command slow.
@@ -49,7 +54,8 @@ _PromiseName = Literal["P90", "P50"]
 PromiseOption = Annotated[
     _PromiseName,
     typer.Option(
-        help="Which arrival time is promised: nine of ten packages come by P90, half by P50."
+        case_sensitive=False,
+        help="Which arrival time is promised: nine of ten packages come by P90, half by P50.",
     ),
 ]
 

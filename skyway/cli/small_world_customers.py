@@ -29,7 +29,7 @@ _FARTHEST_M: Final = 20_000.0
 _MOST_PACKAGES: Final = 3
 _MASSES_KG: Final = (0.2, 0.4, 0.6, 0.8)
 
-_OBJECTIVES: Final = ("fastest", "cheapest", "greenest")
+_OBJECTIVES: Final = ("FASTEST", "CHEAPEST", "GREENEST")
 
 #: One request in so many is PRIORITY, and one in so many has a deadline.
 _PRIORITY_IN: Final = 4

@@ -84,11 +84,11 @@ class ProblemDetails(JsonModel):
                     "type": "urn:skyway:problem:invalid-input",
                     "title": "The request breaks a limit",
                     "status": 422,
-                    "detail": "packages.0.mass_kg: Input should be greater than or equal to 0",
+                    "detail": "packages.0.mass_kg: must be at least 0",
                     "errors": [
                         {
                             "field": "packages.0.mass_kg",
-                            "detail": "Input should be greater than or equal to 0",
+                            "detail": "must be at least 0",
                         }
                     ],
                     "trace_id": "4bf92f3577b34da6a3ce929d0e0e4736",

@@ -182,7 +182,7 @@ BY_NAME: Final[Mapping[str, Any]] = {
 
 _REQUEST: Final[dict[str, Any]] = {
     "pickup": {"station_id": "san-marcos"},
-    "qos": {"objective": "fastest"},
+    "qos": {"objective": "FASTEST"},
     "packages": [
         {"package_id": "p1", "mass_kg": 0.8, "destination": {"station_id": "mcqueeney"}},
     ],

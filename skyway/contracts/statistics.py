@@ -10,7 +10,7 @@ from skyway.bounds import EARLIEST
 from skyway.contracts.message import FleetMoment
 from skyway.errors import InvalidInput
 from skyway.ids import ProviderId
-from skyway.json_model import JsonModel
+from skyway.json_model import QueryModel
 from skyway.units import moment_to_ms, ms_to_moment
 
 #: How far back statistics look by default.
@@ -58,7 +58,7 @@ def span_between(from_at: datetime, to_at: datetime, *, longest: timedelta | Non
     return Span(moment_to_ms(from_at), moment_to_ms(to_at))
 
 
-class SpanQuery(JsonModel):
+class SpanQuery(QueryModel):
     """``?from=&to=&provider_id=``; by default the day up to now."""
 
     from_at: Annotated[FleetMoment | None, Field(alias="from")] = None

@@ -13,6 +13,7 @@ from skyway.contracts.delivery_event import DeliveryEvent
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState, Telemetry
 from skyway.contracts.instruction import AnyInstruction, Instruction
 from skyway.contracts.world import ClockAnchor, NetworkVersion, StationState
+from skyway.json_model import STANDS_TWICE, repeated_member
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -92,10 +93,15 @@ class Topic(Generic[M]):
         if self.is_too_large(payload):
             values = {"limit": self.most_bytes, "size": len(payload)}
             fault = PydanticCustomError("too_large", "{size} bytes, {limit} are allowed", values)
-            raise ValidationError.from_exception_data(
-                self.template, [InitErrorDetails(type=fault, input=None)]
-            )
-        return self._adapter.validate_json(payload, extra="ignore")
+            raise self._refusal(fault)
+        message = self._adapter.validate_json(payload, extra="ignore")
+        if (place := repeated_member(payload)) is not None:
+            raise self._refusal(PydanticCustomError("twice", STANDS_TWICE), *place)
+        return message
+
+    def _refusal(self, fault: PydanticCustomError, *place: str | int) -> ValidationError:
+        details = InitErrorDetails(type=fault, loc=place, input=None)
+        return ValidationError.from_exception_data(self.template, [details])
 
     def is_too_large(self, payload: bytes) -> bool:
         """Whether a payload is larger than any message of this topic."""

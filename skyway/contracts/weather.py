@@ -31,13 +31,13 @@ _VARIABLES: Final = (
     "error_mps",
 )
 
-_Latitude = Annotated[float, Field(ge=-90, le=90, strict=True)]
-_Longitude = Annotated[float, Field(ge=-180, le=180, strict=True)]
-_Wind = Annotated[float, Field(ge=0, le=MAX_WIND_MPS, strict=True)]
-_Component = Annotated[float, Field(ge=-MAX_WIND_MPS, le=MAX_WIND_MPS, strict=True)]
-_Direction = Annotated[float, Field(ge=0, le=360, strict=True)]
-_Temperature = Annotated[float, Field(ge=-90, le=60, strict=True)]
-_Error = Annotated[float, Field(ge=0, le=50, strict=True)]
+_Latitude = Annotated[float, Field(ge=-90, le=90)]
+_Longitude = Annotated[float, Field(ge=-180, le=180)]
+_Wind = Annotated[float, Field(ge=0, le=MAX_WIND_MPS)]
+_Component = Annotated[float, Field(ge=-MAX_WIND_MPS, le=MAX_WIND_MPS)]
+_Direction = Annotated[float, Field(ge=0, le=360)]
+_Temperature = Annotated[float, Field(ge=-90, le=60)]
+_Error = Annotated[float, Field(ge=0, le=50)]
 
 _T = TypeVar("_T")
 #: Lists are read up to their first error: a million errors would take gigabytes.

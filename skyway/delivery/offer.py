@@ -57,7 +57,6 @@ class Tariff(JsonModel):
             ge=1,
             le=10,
             allow_inf_nan=False,
-            strict=True,
             description="A PRIORITY delivery costs its price times this factor, 1 to 10.",
         ),
     ] = 1.5
@@ -67,7 +66,6 @@ class Tariff(JsonModel):
             ge=0,
             le=1,
             allow_inf_nan=False,
-            strict=True,
             description="A delivery on a shared trip costs its price times this factor, 0 to 1.",
         ),
     ] = 1.0

@@ -9,7 +9,7 @@ from skyway.bounds import Moment
 from skyway.ids import ProviderId
 from skyway.json_model import JsonModel
 
-Objective = Literal["fastest", "cheapest", "greenest"]
+Objective = Literal["FASTEST", "CHEAPEST", "GREENEST"]
 
 #: Which arrival time is promised: the moment by which nine of ten packages come, or half of them.
 PromiseLevel = Literal["P90", "P50"]
@@ -87,7 +87,7 @@ class QoS(JsonModel):
 
     objective: Annotated[
         Objective | None,
-        Field(description="What makes an offer best; `fastest` without `weights`."),
+        Field(description="What makes an offer best; `FASTEST` without `weights`."),
     ] = None
     weights: Annotated[
         Weights | None,
@@ -118,7 +118,6 @@ class QoS(JsonModel):
     pooling: Annotated[
         bool,
         Field(
-            strict=True,
             description="Whether the drone may carry packages of other deliveries on this trip; "
             "then each pays its `pooled_price`. A request with windows or a deadline flies alone.",
         ),
@@ -163,8 +162,8 @@ class QoS(JsonModel):
         if self.weights is not None:
             return self.weights
         by_objective = {
-            "fastest": Weights(time=1),
-            "cheapest": Weights(price=1),
-            "greenest": Weights(energy=1),
+            "FASTEST": Weights(time=1),
+            "CHEAPEST": Weights(price=1),
+            "GREENEST": Weights(energy=1),
         }
-        return by_objective[self.objective or "fastest"]
+        return by_objective[self.objective or "FASTEST"]

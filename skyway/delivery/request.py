@@ -38,9 +38,7 @@ class Package(JsonModel):
     # Strict: true is not 1 kg.
     mass_kg: Annotated[
         float,
-        Field(
-            ge=0, le=MAX_PACKAGE_MASS_KG, strict=True, description="Mass in kilograms, 0 to 1000."
-        ),
+        Field(ge=0, le=MAX_PACKAGE_MASS_KG, description="Mass in kilograms, 0 to 1000."),
     ]
     destination: Annotated[Place, Field(description="Where it is handed over.")]
     alternative: Annotated[

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from itertools import islice
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from skyway.bounds import Moment
 from skyway.delivery.request import MAX_PACKAGES, MAX_TRIP_DESTINATIONS
@@ -30,7 +30,6 @@ from skyway.planner.problem_parts import (
     PackageToDeliver,
     Seconds,
     TimedAct,
-    not_text_or_truth,
     window_faults,
 )
 from skyway.planner.reservations import PadReservations
@@ -50,7 +49,7 @@ MAX_PICKUPS = 100
 MAX_DESTINATIONS = MAX_TRIP_DESTINATIONS
 
 _Id = Annotated[str, Field(min_length=1, max_length=200)]
-_Price = Annotated[float, Field(ge=0, le=1e9, strict=True)]
+_Price = Annotated[float, Field(ge=0, le=1e9)]
 
 
 class FleetDrone(JsonModel):
@@ -61,9 +60,7 @@ class FleetDrone(JsonModel):
     model: Annotated[DroneModel, Field(description="The type of drone.")]
     station_id: Annotated[StationId, Field(description="Where the drone is free.")]
     free_s: Annotated[Duration, Field(description="When the drone is free.")] = 0.0
-    soc: Annotated[
-        float, Field(ge=0, le=1, strict=True, description="State of charge at that moment.")
-    ]
+    soc: Annotated[float, Field(ge=0, le=1, description="State of charge at that moment.")]
 
 
 class CurrentTrip(JsonModel):
@@ -87,7 +84,7 @@ class FleetRequest(JsonModel):
     packages: Annotated[tuple[PackageToDeliver, ...], Field(max_length=MAX_PACKAGES)]
     known_s: Annotated[
         float,
-        Field(ge=-MAX_SECONDS, le=0, strict=True, description="When the request came; 0 is now."),
+        Field(ge=-MAX_SECONDS, le=0, description="When the request came; 0 is now."),
     ] = 0.0
     pickup_not_before_s: Seconds | None = None
     pickup_latest_s: Seconds | None = None
@@ -104,7 +101,7 @@ class FleetRequest(JsonModel):
     pooling: Annotated[
         bool, Field(description="Whether the request may share a trip with other requests.")
     ] = False
-    weight: Annotated[float, Field(gt=0, le=1e6, strict=True)] = 1.0
+    weight: Annotated[float, Field(gt=0, le=1e6)] = 1.0
     planned: CurrentTrip | None = None
 
     @property
@@ -174,7 +171,6 @@ class FleetProblem(JsonModel):
     most_pooled: Annotated[
         int,
         Field(ge=1, le=MAX_POOLED, description="The most requests that share a trip."),
-        BeforeValidator(not_text_or_truth),
     ] = 3
     fairness: Annotated[
         Literal["none", "requests"],
@@ -193,7 +189,6 @@ class FleetProblem(JsonModel):
     label_limit: Annotated[
         int,
         Field(gt=0, le=10**9, description="The most labels of the search for one trip."),
-        BeforeValidator(not_text_or_truth),
     ] = 100_000
 
     @model_validator(mode="after")

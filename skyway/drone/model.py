@@ -27,24 +27,21 @@ class DroneAbilities(JsonModel):
 
     empty_mass_kg: Annotated[
         float,
-        Field(ge=0.001, le=10_000, strict=True, description="Mass without packages, in kilograms."),
+        Field(ge=0.001, le=10_000, description="Mass without packages, in kilograms."),
     ]
     max_payload_kg: Annotated[
         float,
-        Field(ge=0.001, le=10_000, strict=True, description="The heaviest payload in kilograms."),
+        Field(ge=0.001, le=10_000, description="The heaviest payload in kilograms."),
     ]
     battery_j: Annotated[
         float,
-        Field(
-            ge=1, le=1e12, strict=True, description="Usable energy of the full battery in joules."
-        ),
+        Field(ge=1, le=1e12, description="Usable energy of the full battery in joules."),
     ]
     reserve_soc: Annotated[
         float,
         Field(
             ge=0,
             lt=1,
-            strict=True,
             description="The state of charge that every landing keeps, 0 to 1.",
         ),
     ] = 0.0
@@ -53,7 +50,6 @@ class DroneAbilities(JsonModel):
         Field(
             ge=0.01,
             le=1_000,
-            strict=True,
             description="Cruise speed without packages, in metres per second.",
         ),
     ]
@@ -62,22 +58,18 @@ class DroneAbilities(JsonModel):
         Field(
             ge=0.01,
             le=1_000,
-            strict=True,
             description="Cruise speed with the heaviest payload, in metres per second.",
         ),
     ]
     power_empty_w: Annotated[
         float,
-        Field(
-            ge=0.001, le=1e9, strict=True, description="Cruise power without packages, in watts."
-        ),
+        Field(ge=0.001, le=1e9, description="Cruise power without packages, in watts."),
     ]
     stop_s: Annotated[
         float,
         Field(
             ge=0,
             le=1e6,
-            strict=True,
             description="Seconds that a landing and the next take-off take.",
         ),
     ] = 0.0
@@ -86,7 +78,6 @@ class DroneAbilities(JsonModel):
         Field(
             ge=0,
             le=1e12,
-            strict=True,
             description="Energy that a landing and the next take-off take, in joules.",
         ),
     ] = 0.0
@@ -95,7 +86,6 @@ class DroneAbilities(JsonModel):
         Field(
             ge=0.1,
             le=100,
-            strict=True,
             exclude_if=lambda value: value is None,
             description="The strongest wind or gust in which it flies, in metres per second; "
             "without it any wind in which it moves forward.",

@@ -3,10 +3,12 @@
 import math
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Final
 
 from pydantic import TypeAdapter, ValidationError
 
+from skyway.bounds import Moment
+from skyway.complaints import sentence_of
 from skyway.errors import InvalidNetwork
 from skyway.geo import Position
 from skyway.ids import StationId
@@ -14,6 +16,7 @@ from skyway.network.columns import PARKING_WITHOUT_PADS
 
 # All identifiers share one pattern, so the adapter of one type serves every type.
 _IDENTIFIER = TypeAdapter(StationId)
+_MOMENT: Final = TypeAdapter[datetime](Moment)
 _LONGITUDE_LIMIT_DEG = 180.0
 _LATITUDE_LIMIT_DEG = 90.0
 
@@ -95,15 +98,11 @@ def whole_number(value: Any, path: str, *, low: int, high: int) -> int:
 
 def moment_or_none(value: Any, path: str) -> datetime | None:
     """An RFC 3339 moment in UTC, or null for an open bound."""
-    if value is None:
-        return None
     try:
-        moment = datetime.fromisoformat(value)
-        if moment.tzinfo is not None:
-            return moment.astimezone(UTC)
-    except (TypeError, ValueError, OverflowError):
-        pass
-    raise InvalidNetwork(path, f"{shown(value)} is not an RFC 3339 moment with a time zone")
+        return None if value is None else _MOMENT.validate_python(value).astimezone(UTC)
+    except ValidationError as error:
+        detail = f"{sentence_of(error.errors()[0])}, not {shown(value)}"
+        raise InvalidNetwork(path, detail) from None
 
 
 def position(value: Any, path: str) -> Position:

@@ -39,7 +39,6 @@ from skyway.planner.problem_parts import (
     SegmentClosure,
     StationClosure,
     TimedAct,
-    not_text_or_truth,
     window_faults,
 )
 from skyway.planner.reservations import PadReservations
@@ -62,13 +61,6 @@ MAX_LABELS = 10**15
 
 #: The most faults reported for one problem: a hostile document must not cause megabytes of text.
 MAX_FAULTS = 50
-
-
-def _written_moment(value: Any) -> Any:  # any JSON value; seconds since 1970 would pass
-    is_written = isinstance(value, str) and value[4:5] == "-"
-    if isinstance(value, str | int | float) and not is_written:
-        raise PydanticCustomError("moment", "Input should be an RFC 3339 moment with a time zone")
-    return value
 
 
 def _few_packages(value: Any) -> Any:  # any JSON value; counted before a million are read
@@ -116,7 +108,6 @@ class Problem(JsonModel):
     start_at: Annotated[
         Moment | None,
         Field(description="The fleet time of second 0; zones need it."),
-        BeforeValidator(_written_moment),
     ] = None
     drone: Annotated[DroneAtStart, Field(description="The drone at its start.")]
     are_on_board: Annotated[
@@ -167,13 +158,12 @@ class Problem(JsonModel):
     ] = None
     pickup_latest_s: Annotated[Seconds | None, Field(description="Loading is over by then.")] = None
     time_limit_s: Annotated[
-        Annotated[float, Field(gt=0, le=MAX_SECONDS, strict=True)] | None,
+        Annotated[float, Field(gt=0, le=MAX_SECONDS)] | None,
         Field(description="Seconds after which the best plan so far is answered."),
     ] = None
     label_limit: Annotated[
         Annotated[int, Field(gt=0, le=MAX_LABELS)] | None,
         Field(description="Labels after which the best plan so far is answered."),
-        BeforeValidator(not_text_or_truth),
     ] = None
 
     @property

@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from skyway.complaints import sentence_of
 from skyway.errors import FieldFault, InvalidNetwork, InvalidProblem
 from skyway.json_model import JsonModel
 from skyway.network.fields import shown
@@ -55,7 +56,7 @@ def read_with_network(model: type[_Document], document: Any) -> _Document:  # an
     try:
         problem = model.model_validate(fields)
     except ValidationError as error:
-        complaints = error.errors(include_url=False, include_context=False)
+        complaints = error.errors(include_url=False)
         faults.extend(_fault(complaint) for complaint in complaints[:MAX_FAULTS])
     except InvalidProblem as error:
         if not is_network_bad:
@@ -72,13 +73,10 @@ def _fault(
     if path[0] == "closures" and len(path) > 2:
         del path[2]  # the arm of the union that was tried
     field = _field(path)
-    if complaint["type"] == "missing":
-        return FieldFault(field, "is missing")
-    if complaint["type"] == "extra_forbidden":
-        return FieldFault(field, _UNKNOWN)
-    value, message = complaint["input"], complaint["msg"].removeprefix("Value error, ")
+    value, message = complaint["input"], sentence_of(complaint)
     is_scalar = value is None or isinstance(value, bool | int | float | str)
-    return FieldFault(field, f"{message}, not {shown(value)}" if is_scalar else message)
+    is_shown = is_scalar and complaint["type"] not in ("missing", "extra_forbidden")
+    return FieldFault(field, f"{message}, not {shown(value)}" if is_shown else message)
 
 
 def _field(path: Sequence[int | str]) -> str:

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag
-from pydantic_core import PydanticCustomError
+from pydantic import Discriminator, Field, Tag
 
 from skyway.drone.model import DroneModel
 from skyway.errors import FieldFault
@@ -27,31 +26,19 @@ MAX_HELD = 100_000
 MAX_PACKAGE_KG = 1e12
 
 
-# Strict: neither true nor "1" is a number.
 Seconds = Annotated[
     float,
-    Field(
-        ge=-MAX_SECONDS, le=MAX_SECONDS, strict=True, description="seconds since the plan's start"
-    ),
+    Field(ge=-MAX_SECONDS, le=MAX_SECONDS, description="seconds since the plan's start"),
 ]
 
-Duration = Annotated[float, Field(ge=0, le=MAX_SECONDS, strict=True, description="seconds")]
-
-
-def not_text_or_truth(value: Any) -> Any:  # any JSON value
-    """The value, unless it only passes for a number: text, true, false."""
-    if isinstance(value, bool | str | bytes):
-        raise PydanticCustomError("whole_number", "Input should be a whole number")
-    return value
+Duration = Annotated[float, Field(ge=0, le=MAX_SECONDS, description="seconds")]
 
 
 class DroneAtStart(JsonModel):
     """The drone, its charge at time 0, and where it stands then (null: at the source)."""
 
     model: Annotated[DroneModel, Field(description="The type of drone.")]
-    soc: Annotated[
-        float, Field(le=1, strict=True, description="State of charge at time 0, up to 1.")
-    ]
+    soc: Annotated[float, Field(le=1, description="State of charge at time 0, up to 1.")]
     station_id: StationId | None = None
 
 
@@ -59,9 +46,7 @@ class PackageToDeliver(JsonModel):
     """A package, its mass, and the station and window of its hand-over."""
 
     package_id: PackageId
-    mass_kg: Annotated[
-        float, Field(ge=0, le=MAX_PACKAGE_KG, strict=True, description="Mass in kilograms.")
-    ]
+    mass_kg: Annotated[float, Field(ge=0, le=MAX_PACKAGE_KG, description="Mass in kilograms.")]
     destination: StationId
     not_before_s: Annotated[
         Seconds | None, Field(description="The hand-over does not begin before.")
@@ -76,7 +61,6 @@ class PadReservation(JsonModel):
     pad: Annotated[
         int,
         Field(ge=0, lt=MAX_PADS, description="The number of the pad, from 0."),
-        BeforeValidator(not_text_or_truth),
     ]
     start_s: Seconds
     end_s: Seconds | None = None

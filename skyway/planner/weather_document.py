@@ -29,7 +29,7 @@ MAX_FAULTS: Final = 50
 _Name = Annotated[str, Field(max_length=64)]
 _Ends = Annotated[tuple[_Name, ...], Field(min_length=2, max_length=2)]
 
-Factor = Annotated[float, Field(ge=LEAST_FACTOR, le=LARGEST_FACTOR, strict=True)]
+Factor = Annotated[float, Field(ge=LEAST_FACTOR, le=LARGEST_FACTOR)]
 
 
 def _few(value: Any) -> Any:  # any JSON value; counted before a million are read

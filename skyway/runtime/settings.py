@@ -7,6 +7,7 @@ from typing import Self
 from pydantic import Field, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from skyway.complaints import fault_of, sentence_of
 from skyway.runtime.errors import InvalidSettings
 
 
@@ -37,7 +38,7 @@ class DatabaseSettings(BaseSettings):
             return cls()
         except ValidationError as error:
             faults = "; ".join(
-                f"SKYWAY_{'_'.join(str(part) for part in fault['loc']).upper()}: {fault['msg']}"
+                f"SKYWAY_{fault_of(fault)[0].replace('.', '_').upper()}: {sentence_of(fault)}"
                 for fault in error.errors(include_input=False, include_url=False)
             )
             raise InvalidSettings(faults) from None

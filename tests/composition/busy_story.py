@@ -120,7 +120,7 @@ class Story:
         qos = QoS(may_be_later_s=chance.choice([0.0, 0.0, 3_600.0]))
         if chance.random() < 0.5:
             wait_s = chance.choice([0.0, 600.0, 1_800.0])
-            shared = {"objective": "cheapest", "pooling": True, "pooling_wait_s": wait_s}
+            shared = {"objective": "CHEAPEST", "pooling": True, "pooling_wait_s": wait_s}
             qos = qos.model_copy(update=shared)
         request = request.model_copy(update={"qos": qos})
         request = request.begun_after_wait(self.world.clock.now())

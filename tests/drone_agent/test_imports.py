@@ -33,6 +33,7 @@ HEAVY = {
 
 LIBRARY = {
     "skyway.bounds",
+    "skyway.complaints",
     "skyway.contracts",
     "skyway.drone",
     "skyway.errors",

@@ -227,7 +227,7 @@ class LocalSystem:
                 {"package_id": f"p{n}", "mass_kg": 0.5, "destination": {"station_id": place}}
                 for n, place in enumerate(destinations, start=1)
             ],
-            "qos": {"objective": "fastest"},
+            "qos": {"objective": "FASTEST"},
         }
         customer_key = key or self.keys["SKYWAY_CUSTOMER_KEY"]
 

@@ -25,7 +25,7 @@ from skyway.runtime.errors import DamagedDatabase, InvalidSettings, ServiceUnava
 
 ERRORS = [
     LookupError("a bug"),
-    InvalidSettings("SKYWAY_PORT: Field required"),
+    InvalidSettings("SKYWAY_PORT: is missing"),
     ServiceUnavailable("database", "no connection"),
     DamagedDatabase("broken page"),
 ]

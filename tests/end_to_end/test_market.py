@@ -21,8 +21,8 @@ def test_the_accepted_offer_is_flown(system: Any) -> None:
         "POST", "/v1/providers", {"name": "No Air", "tariff": {"currency": "USD", "base": 1}}
     )
 
-    fastest = _quote(system, {"objective": "fastest"})
-    cheapest = _quote(system, {"objective": "cheapest"})
+    fastest = _quote(system, {"objective": "FASTEST"})
+    cheapest = _quote(system, {"objective": "CHEAPEST"})
     pinned = _quote(system, {"providers": {"pinned": none["provider_id"]}})
     key = system.keys["SKYWAY_CUSTOMER_KEY"]
     raised = {"tariff": {"currency": "USD", "base": 90_000, "per_km": 900}}

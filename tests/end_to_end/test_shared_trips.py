@@ -62,7 +62,7 @@ def _body(provider: dict[str, Any], destination: str) -> dict[str, Any]:
             {"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": destination}}
         ],
         "qos": {
-            "objective": "cheapest",
+            "objective": "CHEAPEST",
             "pooling": True,
             "pooling_wait_s": 3_600,
             "providers": {"pinned": provider["provider_id"]},

@@ -86,7 +86,7 @@ def request(system: Any, place: str, **members: Any) -> Any:
                 "destination": {"station_id": f"{place}-s2"},
             }
         ],
-        "qos": {"objective": "fastest"},
+        "qos": {"objective": "FASTEST"},
         **members,
     }
     key = system.keys["SKYWAY_CUSTOMER_KEY"]

@@ -245,7 +245,7 @@ def make_request(
             }
             for number in range(1, packages + 1)
         ],
-        "qos": {"objective": "fastest"},
+        "qos": {"objective": "FASTEST"},
         **changes,
     }
 

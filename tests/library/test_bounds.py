@@ -1,5 +1,6 @@
 """Values from outside: what is refused, and what is shortened."""
 
+import json
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -50,9 +51,28 @@ def test_a_moment_at_the_edge_of_the_calendar_is_refused_with_the_limits(text: s
         MOMENT.validate_json(f'"{text}"')
 
 
-def test_a_moment_without_an_offset_is_refused() -> None:
-    with pytest.raises(ValidationError, match="timezone"):
-        MOMENT.validate_json('"2026-11-23T10:00:00"')
+@pytest.mark.parametrize(
+    "text",
+    [
+        '"2026-11-23T10:00:00"',
+        '"2026-11-23T10:00Z"',
+        '"2026-11-23 10:00:00Z"',
+        '"2026-11-23"',
+        '"20261123T100000Z"',
+        '"2026-W48-1T10:00:00Z"',
+        '"2026-11-23T10:00:00+0100"',
+        '"1795428000"',
+        '"1.5"',
+        "1795428000",
+        "1.5",
+        "true",
+    ],
+)
+def test_only_rfc_3339_is_a_moment(text: str) -> None:
+    with pytest.raises(ValidationError, match="must be a moment like 2026-03-02T09:16:00Z"):
+        MOMENT.validate_json(text)
+    with pytest.raises(ValidationError, match="must be a moment like 2026-03-02T09:16:00Z"):
+        MOMENT.validate_python(json.loads(text))
 
 
 @pytest.mark.parametrize("moment", [EARLIEST, LATEST, datetime(2026, 11, 23, 10, tzinfo=UTC)])

@@ -138,7 +138,7 @@ _DELIVERIES: Final = (
     Corruption(
         "a request that asks for another objective",
         _BEGAN,
-        gateway="UPDATE deliveries SET request = json_set(request, '$.qos.objective', 'cheapest')"
+        gateway="UPDATE deliveries SET request = json_set(request, '$.qos.objective', 'CHEAPEST')"
         " WHERE delivery_id = :flying",
     ),
     Corruption(

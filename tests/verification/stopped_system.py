@@ -26,8 +26,8 @@ _PLACES: Final = {
 }
 
 
-_FASTEST: Final = {"objective": "fastest"}
-_SHARED: Final = {"objective": "cheapest", "pooling": True}
+_FASTEST: Final = {"objective": "FASTEST"}
+_SHARED: Final = {"objective": "CHEAPEST", "pooling": True}
 _NEAR: Final = {**_SHARED, "pickup_within_m": 500}
 
 

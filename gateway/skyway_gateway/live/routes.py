@@ -7,7 +7,7 @@ from fastapi import Depends, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import Field
 
-from skyway.json_model import JsonModel
+from skyway.json_model import QueryModel
 from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.identity import Caller
@@ -19,7 +19,7 @@ from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.viewer_frames import ViewerFrames, event_seen
 
 
-class LiveQuery(JsonModel):
+class LiveQuery(QueryModel):
     """The part of the picture that is asked for."""
 
     kinds: Annotated[

@@ -57,6 +57,9 @@ _LOOKUP_S: Final = 5.0
 
 _USER_AGENT: Final = "Skyway-Webhooks/1"
 
+#: The statuses whose `Retry-After` says when to try again.
+_REFUSED_FOR_NOW: Final = (HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.SERVICE_UNAVAILABLE)
+
 #: The longest reason of a failed attempt that is shown to the customer, characters.
 _LONGEST_DETAIL: Final = 300
 
@@ -161,10 +164,14 @@ def _is_public(address: IpAddress) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """How a receiver answered; `status` is None when it did not answer."""
+    """How a receiver answered; `status` is None when it did not answer.
+
+    `retry_after` is the text of that header, if the receiver refuses for now (429, 503).
+    """
 
     status: int | None
     detail: str | None
+    retry_after: str | None = None
 
     @property
     def is_success(self) -> bool:
@@ -266,7 +273,9 @@ class WebhookPost:
         response = await self._client.send(request, stream=True)
         await response.aclose()
         detail = None if response.is_success else f"answered {response.status_code // 100}xx"
-        return Reply(response.status_code, detail)
+        is_for_now = response.status_code in _REFUSED_FOR_NOW
+        retry_after = response.headers.get("retry-after") if is_for_now else None
+        return Reply(response.status_code, detail, retry_after)
 
 
 @cache

@@ -174,7 +174,10 @@ def webhook_routes(
             await targets.check(requested.url, SubjectId(caller.subject_id))
         async with db.write() as tx:
             webhook = await webhook_store.webhook_of(tx.connection, caller, webhook_id)
-            changed = webhook.model_copy(update=_changes(requested))
+            changed = webhook.merged(requested)
+            if requested.state is not None:
+                by_customer = "by its customer" if requested.state == "DISABLED" else None
+                changed = changed.model_copy(update={"disabled_reason": by_customer})
             await webhook_store.change_webhook(tx, changed, at=clock.wall_now())
         return changed
 
@@ -239,16 +242,6 @@ def webhook_routes(
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.attempt_id,))
 
     return router
-
-
-def _changes(requested: WebhookChange) -> dict[str, object]:
-    changes: dict[str, object] = {
-        name: getattr(requested, name) for name in requested.model_fields_set
-    }
-    if requested.state is not None:
-        by_customer = "by its customer" if requested.state == "DISABLED" else None
-        changes["disabled_reason"] = by_customer
-    return changes
 
 
 def with_event_examples(document: dict[str, Any]) -> dict[str, Any]:  # a JSON document

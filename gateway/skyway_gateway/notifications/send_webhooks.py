@@ -30,6 +30,7 @@ from skyway_gateway.notifications.webhook import (
     Outcome,
     TrialEvent,
     WebhookAttempt,
+    asked_pause_s,
     pause_s,
     signed_headers,
 )
@@ -162,7 +163,7 @@ class WebhookSender:
 
     async def _send_and_settle(self, endpoint: Endpoint, notification: Notification) -> None:
         sent = await self._send(endpoint, notification)
-        attempt = self._attempt(notification, sent, wait_s=self._wait_s(notification, sent.reply))
+        attempt = self._attempt(notification, sent, wait_s=self._wait_s(notification, sent))
         _count_attempts(1, attempt.outcome)
         about, duration_s = "time until an endpoint answered", attempt.duration_ms / 1000
         observe("skyway_webhook_duration_seconds", about, duration_s, outcome=attempt.outcome)
@@ -205,11 +206,12 @@ class WebhookSender:
                 log.warning("secret of a webhook cannot be decrypted", extra=about)
         return tuple(found)
 
-    def _wait_s(self, notification: Notification, reply: Reply) -> float | None:
+    def _wait_s(self, notification: Notification, sent: _Sent) -> float | None:
         """Seconds from this attempt to the next one; None when there is none."""
-        if reply.is_success or reply.is_gone:
+        if sent.reply.is_success or sent.reply.is_gone:
             return None
-        return pause_s(notification.attempts + 1, self.chance)
+        asked_s = asked_pause_s(sent.reply.retry_after, sent.at)
+        return pause_s(notification.attempts + 1, self.chance, asked_s=asked_s)
 
     def _attempt(
         self, notification: Notification, sent: _Sent, *, wait_s: float | None

@@ -5,14 +5,16 @@ import hashlib
 import hmac
 import json
 import random
+import re
 import secrets
 from dataclasses import dataclass, field
-from datetime import datetime
-from typing import Annotated, Final, Literal, Self
+from datetime import UTC, datetime
+from email.utils import parsedate_to_datetime
+from typing import Annotated, Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from skyway.bounds import Moment
+from skyway.bounds import Moment, NotNull
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId
 from skyway.json_model import JsonModel
@@ -70,21 +72,15 @@ class NewWebhook(JsonModel):
 class WebhookChange(JsonModel):
     """What to change of a webhook; the state ACTIVE enables a disabled webhook again."""
 
-    url: Annotated[WebhookUrl | None, Field(description="The new URL.")] = None
+    url: Annotated[WebhookUrl | None, NotNull, Field(description="The new URL.")] = None
     event_types: Annotated[
         EventTypes | None, Field(description="The new event types; null for all of them.")
     ] = None
     state: Annotated[
         WebhookState | None,
+        NotNull,
         Field(description="ACTIVE enables the webhook again, DISABLED stops it."),
     ] = None
-
-    @model_validator(mode="after")
-    def _url_and_state_are_never_null(self) -> Self:
-        for name in ("url", "state"):
-            if name in self.model_fields_set and getattr(self, name) is None:
-                raise ValueError(f"{name} cannot be null; leave it out to keep it")
-        return self
 
 
 class Webhook(JsonModel):
@@ -235,8 +231,27 @@ def _signature(secret: str, signed: bytes) -> str:
     return f"v1,{base64.b64encode(digest).decode()}"
 
 
-def pause_s(attempts: int, chance: random.Random) -> float | None:
-    """Seconds until the next attempt after so many failed ones; None when there is none."""
+def pause_s(attempts: int, chance: random.Random, *, asked_s: float = 0.0) -> float | None:
+    """Seconds until the next attempt after so many failed ones; None when there is none.
+
+    It is no sooner than the receiver has asked for.
+    """
     if attempts >= MOST_ATTEMPTS:
         return None
-    return _PAUSES_S[attempts - 1] * chance.uniform(1 - _JITTER, 1 + _JITTER)
+    return max(asked_s, _PAUSES_S[attempts - 1] * chance.uniform(1 - _JITTER, 1 + _JITTER))
+
+
+def asked_pause_s(retry_after: str | None, now: datetime) -> float:
+    """Seconds that a `Retry-After` asks for, as a number or a date; 0 if it cannot be read.
+
+    At most as long as the longest pause of our own: nobody can make us wait for ever.
+    """
+    try:
+        if retry_after is None or re.fullmatch("[0-9]+", retry_after):
+            asked_s = float(retry_after or 0)
+        else:
+            moment = parsedate_to_datetime(retry_after)
+            asked_s = (moment.replace(tzinfo=moment.tzinfo or UTC) - now).total_seconds()
+    except (ValueError, OverflowError):
+        return 0.0
+    return min(max(asked_s, 0.0), _PAUSES_S[-1])

@@ -38,6 +38,9 @@ _LONGEST_AHEAD: Final = timedelta(days=366)
 #: The furthest pickup that a request may ask for (docs/reference/booking.md).
 _FURTHEST_PICKUP: Final = timedelta(days=30)
 
+#: A pickup that has passed by less is accepted, wall time: offers are compared for minutes.
+_PAST_PICKUP: Final = timedelta(minutes=5)
+
 #: A mass that exceeds the limit by less than this counts as equal, kilograms.
 _MASS_TOLERANCE_KG: Final = 1e-9
 
@@ -165,14 +168,19 @@ class RequestChecks:
             raise InvalidInput(
                 "qos.deadline_at", f"{deadline_at} is in the past: fleet time is {now}"
             )
+        pickup_at = request.earliest_pickup_at
+        earliest = now - _PAST_PICKUP * self.clock.rate
+        if request.latest_pickup_at is None and (pickup_at or now) < earliest:
+            detail = f"{pickup_at} is in the past: fleet time is {now}"
+            raise InvalidInput("earliest_pickup_at", detail)
         for field, moment, furthest in (
             ("qos.deadline_at", deadline_at, _LONGEST_AHEAD),
-            ("earliest_pickup_at", request.earliest_pickup_at, _FURTHEST_PICKUP),
+            ("earliest_pickup_at", pickup_at, _FURTHEST_PICKUP),
         ):
             if moment is not None and moment > now + furthest:
                 detail = f"{moment} is later than the limit of {now + furthest}"
                 raise InvalidInput(field, f"{detail}, {furthest.days} days ahead")
-        if deadline_at is not None and (request.earliest_pickup_at or now) >= deadline_at:
+        if deadline_at is not None and (pickup_at or now) >= deadline_at:
             raise InvalidInput("earliest_pickup_at", f"must be before the deadline {deadline_at}")
 
     async def _check_stations(self, request: DeliveryRequest) -> Position:

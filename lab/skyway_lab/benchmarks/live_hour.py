@@ -168,7 +168,7 @@ def _body(request: HourRequest, may_be_later_s: float) -> dict[str, Any]:
             }
             for each in request.packages
         ],
-        "qos": {"objective": "fastest", "may_be_later_s": may_be_later_s},
+        "qos": {"objective": "FASTEST", "may_be_later_s": may_be_later_s},
     }
 
 

@@ -11,7 +11,7 @@ from pydantic import Field
 from skyway.bounds import Moment
 from skyway.errors import InvalidInput
 from skyway.ids import ClosureId, DroneModelId, NetworkId, ProviderId, StationId
-from skyway.json_model import JsonModel
+from skyway.json_model import JsonModel, QueryModel
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
@@ -90,7 +90,7 @@ class GroundStopOrder(JsonModel):
     reason: Annotated[Reason, _REASON]
 
 
-class DryRun(JsonModel):
+class DryRun(QueryModel):
     """Whether to make a closure or only to preview it."""
 
     dry_run: Annotated[

@@ -8,7 +8,7 @@ from pydantic import Field
 from skyway.bounds import EARLIEST
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.statistics import Span, span_between
-from skyway.json_model import JsonModel
+from skyway.json_model import QueryModel
 
 #: The longest span of one call. Our own choice.
 LONGEST_REPLAY: Final = timedelta(days=1)
@@ -16,7 +16,7 @@ LONGEST_REPLAY: Final = timedelta(days=1)
 _DEFAULT: Final = timedelta(hours=1)
 
 
-class PastSpanQuery(JsonModel):
+class PastSpanQuery(QueryModel):
     """``?from=&to=``: up to now, and an hour, unless said otherwise."""
 
     from_at: Annotated[

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from skyway.errors import InvalidNetwork
 from skyway.ids import NetworkId
-from skyway.json_model import JsonModel
+from skyway.json_model import JsonModel, QueryModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.answers import GEOJSON, GeoJsonResponse, conflicts
@@ -47,7 +47,7 @@ class NetworkInfo(JsonModel):
     ]
 
 
-class VersionQuery(JsonModel):
+class VersionQuery(QueryModel):
     """Which version of a network is read."""
 
     version: Annotated[

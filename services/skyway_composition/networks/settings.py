@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, ValidationError
 
+from skyway.complaints import fault_of
 from skyway.contracts.margins import Margins
 from skyway.delivery.offer import Currency
 from skyway.delivery.request import MAX_TRIP_DESTINATIONS
@@ -134,8 +135,8 @@ class NetworkDocument(NetworkGeoJson):
     ] = NetworkSettings()
 
 
-def settings_of(network: Network) -> NetworkSettings:
-    """The settings of this network.
+def settings_of(network: Network, *above: str) -> NetworkSettings:
+    """The settings of this network; `above` are the fields that hold it in the document.
 
     Raises
     ------
@@ -145,6 +146,4 @@ def settings_of(network: Network) -> NetworkSettings:
     try:
         return NetworkSettings.model_validate(dict(network.settings))
     except ValidationError as error:
-        fault = error.errors()[0]
-        name = ".".join(str(part) for part in ("settings", *fault["loc"]))
-        raise InvalidNetwork(name, fault["msg"]) from error
+        raise InvalidNetwork(*fault_of(error.errors()[0], *above, "settings")) from error

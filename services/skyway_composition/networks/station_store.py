@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 from sqlalchemy import ColumnElement, Row, bindparam, delete, func, insert, select, true
 from sqlalchemy.ext.asyncio import AsyncConnection
 
@@ -16,7 +16,6 @@ from skyway.runtime.sql.in_list import in_list
 from skyway_composition.tables import pad_reservations, stations
 
 _CORNER: Final[TypeAdapter[Position]] = TypeAdapter(Position)
-_NUMBERS: Final = 4
 
 # Built once, because many requests run these statements and building takes longer than running.
 _NETWORK_OF: Final = select(stations.c.network_id).where(
@@ -45,12 +44,12 @@ class Box:
         ValueError
             The text is not four such numbers, or south lies north of north.
         """
-        numbers = text.split(",")
-        if len(numbers) != _NUMBERS:
-            raise ValueError("must be west,south,east,north in degrees")
         try:
-            box = cls(_corner(numbers[:2]), _corner(numbers[2:]))
-        except ValidationError as error:
+            west, south, east, north = map(float, text.split(","))
+            box = cls(
+                _CORNER.validate_python((west, south)), _CORNER.validate_python((east, north))
+            )
+        except ValueError as error:
             raise ValueError("must be west,south,east,north in degrees") from error
         if box.south_west.latitude_deg > box.north_east.latitude_deg:
             raise ValueError("south must not lie north of north")
@@ -60,10 +59,6 @@ class Box:
     def crosses_date_line(self) -> bool:
         """Whether the box contains a part of the 180th meridian."""
         return self.south_west.longitude_deg > self.north_east.longitude_deg
-
-
-def _corner(numbers: list[str]) -> Position:
-    return _CORNER.validate_python(tuple(numbers))
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from typing import Annotated, Final
 from fastapi import Depends, Request
 from pydantic import ValidationError
 
+from skyway.complaints import fault_of
 from skyway.contracts.weather import ForecastDocument, WeatherInForce
 from skyway.errors import InvalidInput
 from skyway.ids import NetworkId
@@ -63,6 +64,5 @@ def _read(document: object) -> ForecastDocument:
     try:
         return ForecastDocument.model_validate(document)
     except ValidationError as error:
-        fault = error.errors(include_url=False, include_input=False)[0]
-        field = ".".join(map(str, fault["loc"])) or "forecast"
-        raise InvalidInput(field, fault["msg"]) from error
+        field, detail = fault_of(error.errors(include_url=False, include_input=False)[0])
+        raise InvalidInput(field or "forecast", detail) from error

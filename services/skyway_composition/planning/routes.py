@@ -13,6 +13,7 @@ from fastapi import Depends, Request
 from pydantic import Field, TypeAdapter, ValidationError, create_model
 
 from skyway.bounds import Moment
+from skyway.complaints import fault_of
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.delivery.plan import Plan
 from skyway.errors import InvalidProblem
@@ -33,7 +34,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.networks.prepared import NOTHING_PUBLISHED, PreparedNetworks
 from skyway_composition.networks.routes import MAX_VERSION
-from skyway_composition.networks.settings import NetworkDocument
+from skyway_composition.networks.settings import NetworkDocument, settings_of
 from skyway_composition.networks.store import has_networks
 from skyway_composition.planning.no_shows import NoShows
 from skyway_composition.planning.solver_pool import ReadingTurn, SolverPool
@@ -74,9 +75,7 @@ class NetworkReference(JsonModel):
         try:
             return cls.model_validate(value)
         except ValidationError as error:
-            fault = error.errors()[0]
-            field = ".".join(str(part) for part in ("network", *fault["loc"]))
-            raise InvalidProblem(field, fault["msg"]) from error
+            raise InvalidProblem(*fault_of(error.errors()[0], "network")) from error
 
 
 #: The body of POST /v1/compositions; `read_problem` reads it.
@@ -233,6 +232,8 @@ def composition_routes(
             )
             # A problem has its own weather; without it plans assume still air.
             return await compose_in(solver, world.in_still_air(), problem)
-        return await solver.compose(await reading.run(read_problem, document))
+        problem = await reading.run(read_problem, document)
+        settings_of(problem.network, "network")  # no plan needs them, but faults are named
+        return await solver.compose(problem)
 
     return router

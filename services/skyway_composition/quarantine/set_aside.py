@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
+from skyway.complaints import fault_of
 from skyway.contracts.topics import Topic
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock
@@ -111,9 +112,8 @@ class Quarantine:
         self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, error: ValidationError
     ) -> None:
         """Set aside a message that does not have the form of its topic."""
-        found = error.errors(include_url=False, include_context=False, include_input=False)
-        places = (".".join(map(str, each["loc"])) + f": {each['msg']}" for each in found)
-        detail = "; ".join([*places][:_MOST_ERRORS])
+        found = error.errors(include_url=False, include_input=False)[:_MOST_ERRORS]
+        detail = "; ".join(": ".join(fault_of(each)) for each in found)
         self._add(SetAsideMessage.of(topic(*ids).name, ids, payload, "UNREADABLE", detail))
 
     def add(self, received: Received[Any], reason: QuarantineReason, detail: str) -> None:

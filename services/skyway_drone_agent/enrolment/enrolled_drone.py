@@ -13,6 +13,7 @@ from typing import Final
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from skyway.complaints import fault_of
 from skyway.contracts.broker_rules import drone_account
 from skyway.contracts.message import Soc
 from skyway.contracts.signature import CloudKeys
@@ -94,11 +95,8 @@ def read_fleet(path: Path) -> tuple[EnrolledDrone, ...]:
         raise InvalidInput(str(path), f"not JSON: {error}") from error
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise InvalidInput(
-            str(path),
-            f"not the answer of POST /v1/providers/{{id}}/drones: {place}: {first['msg']}",
-        ) from error
+        detail = "not the answer of POST /v1/providers/{id}/drones: " + ": ".join(fault_of(first))
+        raise InvalidInput(str(path), detail) from error
 
 
 class Credentials(WireModel):

@@ -9,6 +9,7 @@ from typing import Any, Final, Literal, Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
+from skyway.complaints import fault_of
 from skyway.contracts.drone_report import Ack
 from skyway.contracts.instruction import AnyInstruction, Instruction, RefusalCode, ReportInstruction
 from skyway.contracts.topics import ACKS, INSTRUCTIONS, Topic
@@ -169,10 +170,9 @@ def _understood(raw: dict[str, Any]) -> tuple[AnyInstruction | None, Refusal | N
         return _INSTRUCTION.validate_python(raw, extra="ignore"), None
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(str(part) for part in first["loc"])
         is_new_step = first["type"] == "union_tag_invalid" and "steps" in first["loc"]
         code = RefusalCode.UNSUPPORTED_STEP if is_new_step else RefusalCode.MALFORMED
-        return None, Refusal(code, f"{place}: {first['msg']}")
+        return None, Refusal(code, ": ".join(fault_of(first)))
 
 
 def _accepted(envelope: _Envelope) -> Answer:

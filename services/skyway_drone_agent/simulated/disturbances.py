@@ -15,6 +15,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 
 from skyway.bounds import Moment
+from skyway.complaints import fault_of
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId, StationId
 from skyway.json_model import JsonModel
@@ -207,12 +208,10 @@ def _checked(content: Mapping[str, Any], *, source: str) -> Disturbances:  # val
         return Disturbances.model_validate(content)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"]) or "scenario"
-        if first["type"] == "extra_forbidden":
-            detail = "there is no such key"
-        else:
-            detail = f"{first['msg']}, not {first['input']!r}"
-        raise InvalidInput(f"{source}{key}", detail) from error
+        key, detail = fault_of(first)
+        if first["type"] != "extra_forbidden":
+            detail = f"{detail}, not {first['input']!r}"
+        raise InvalidInput(f"{source}{key or 'scenario'}", detail) from error
 
 
 def uniforms(seed: int, *about: object) -> tuple[float, ...]:

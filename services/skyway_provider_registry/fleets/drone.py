@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field
 
-from skyway.bounds import Moment
+from skyway.bounds import Moment, NotNull
 from skyway.contracts.broker_rules import drone_account
 from skyway.contracts.candidate import Standby
 from skyway.contracts.drone_report import ActiveFailsafe, DroneHealth, Fault
@@ -32,8 +32,6 @@ DroneStateName = Literal[
     "MAINTENANCE",
     "GROUNDED",
 ]
-
-T = TypeVar("T")
 
 DroneName = Annotated[
     str,
@@ -132,20 +130,14 @@ class DroneChange(JsonModel):
         Registration | None, Field(description="new registration mark; null removes it")
     ] = None
     home_station_id: Annotated[
-        StationId | None, Field(description="id of the new home station")
+        StationId | None, NotNull, Field(description="id of the new home station")
     ] = None
     state: Annotated[
         Literal["MAINTENANCE", "AVAILABLE"] | None,
+        NotNull,
         Field(description="MAINTENANCE takes the drone out of service, AVAILABLE puts it back"),
     ] = None
     standby: OwnStandby = None
-
-    @field_validator("home_station_id", "state")
-    @classmethod
-    def _stays(cls, value: T | None) -> T:
-        if value is None:
-            raise ValueError("may be left out, but not null")
-        return value
 
 
 class MqttAccount(JsonModel):

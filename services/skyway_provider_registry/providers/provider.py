@@ -1,16 +1,14 @@
 """A provider: its name, its tariff and its terms."""
 
-from typing import Annotated, Final, Literal, TypeVar
+from typing import Annotated, Final, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field
 
-from skyway.bounds import Moment
+from skyway.bounds import Moment, NotNull
 from skyway.contracts.candidate import Loading, Standby
 from skyway.delivery.offer import Tariff
 from skyway.ids import ProviderId
 from skyway.json_model import JsonModel
-
-T = TypeVar("T")
 
 #: A SUSPENDED provider keeps its drones, but they get no new missions.
 ProviderState = Literal["ACTIVE", "SUSPENDED"]
@@ -49,22 +47,18 @@ class NewProvider(JsonModel):
 class ProviderChange(JsonModel):
     """Changes of a provider: fields that are left out stay as they are."""
 
-    name: Annotated[ProviderName | None, Field(description="new name")] = None
-    tariff: Annotated[Tariff | None, Field(description="new tariff")] = None
+    name: Annotated[ProviderName | None, NotNull, Field(description="new name")] = None
+    tariff: Annotated[
+        Tariff | None, NotNull, Field(description="new values; those left out stay as they are")
+    ] = None
     terms: Annotated[Terms | None, Field(description="new terms; null removes them")] = None
     state: Annotated[
         ProviderState | None,
+        NotNull,
         Field(description="only operators change it; SUSPENDED drones get no new missions"),
     ] = None
-    loading: Annotated[Loading | None, Field(description=_LOADING)] = None
-    standby: Annotated[Standby | None, Field(description=_STANDBY)] = None
-
-    @field_validator("name", "tariff", "state", "loading", "standby")
-    @classmethod
-    def _stays(cls, value: T | None) -> T:
-        if value is None:
-            raise ValueError("may be left out, but not null")
-        return value
+    loading: Annotated[Loading | None, NotNull, Field(description=_LOADING)] = None
+    standby: Annotated[Standby | None, NotNull, Field(description=_STANDBY)] = None
 
 
 class ProviderCard(JsonModel):

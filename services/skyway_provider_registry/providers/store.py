@@ -33,17 +33,8 @@ def owned(caller: Caller, provider_id: ColumnElement[str]) -> ColumnElement[bool
 async def add(tx: Tx, provider: Provider) -> None:
     """Store a new provider."""
     await mark_providers(tx)
-    row = {
-        "provider_id": provider.provider_id,
-        "name": provider.name,
-        "tariff": provider.tariff.model_dump_json(),
-        "terms": provider.terms,
-        "state": provider.state,
-        "loading": provider.loading,
-        "standby": provider.standby,
-        "created_ms": moment_to_ms(provider.created_at),
-    }
-    await tx.execute(providers.insert().values(row))
+    values = {"created_ms": moment_to_ms(provider.created_at), **_values(provider)}
+    await tx.execute(providers.insert().values(values))
 
 
 async def change(
@@ -56,17 +47,10 @@ async def change(
     NotFound
         There is no such provider, or the caller may not see it.
     """
-    values: dict[str, object] = {
-        field: getattr(changes, field) for field in changes.model_fields_set - {"tariff"}
-    }
-    if changes.tariff is not None:
-        values["tariff"] = changes.tariff.model_dump_json()
-    await mark_providers(tx)
-    condition = (providers.c.provider_id == provider_id) & owned(caller, providers.c.provider_id)
-    # Without values this still checks that the provider exists.
-    statement = update(providers).where(condition).values(values or {"name": providers.c.name})
-    if (await tx.execute(statement)).rowcount == 0:
-        raise NotFound("provider", provider_id)
+    await mark_providers(tx)  # first: no other change comes between the reading and the writing
+    provider = await of_caller(tx.connection, caller, provider_id=provider_id)
+    values = _values(provider.merged(changes))
+    await tx.execute(update(providers).where(providers.c.provider_id == provider_id).values(values))
 
 
 async def of_caller(
@@ -134,6 +118,12 @@ async def _page(
         statement = statement.where(providers.c.provider_id > after)
     statement = statement.order_by(providers.c.provider_id).limit(query.limit + 1)
     return [_provider(row) for row in await connection.execute(statement)]
+
+
+def _values(provider: Provider) -> dict[str, object]:
+    """The columns of what may change, and the id."""
+    values = provider.model_dump(exclude={"tariff", "created_at"})
+    return {**values, "tariff": provider.tariff.model_dump_json()}
 
 
 def _provider(row: AnyRow) -> Provider:

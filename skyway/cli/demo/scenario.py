@@ -124,7 +124,7 @@ class Chain:
         """Request both deliveries; each is planned before the next one is requested."""
         for pickup, packages in CHAINED_REQUESTS:
             body = delivery_request(
-                pickup, packages, objective="fastest", pinned=self._world.courier_id
+                pickup, packages, objective="FASTEST", pinned=self._world.courier_id
             )
             created = await self._call("POST", "/v1/deliveries", body)
             delivery = await self._read(created["delivery_id"])
@@ -208,7 +208,7 @@ async def _others_request(api: GatewayApi, world: World, screen: DemoScreen) -> 
     """Have the other customer's deliveries planned first, so that some pads and drones are busy."""
     key = world.other_customer_key
     for pickup, packages in OTHER_REQUESTS:
-        body = delivery_request(pickup, packages, objective="cheapest")
+        body = delivery_request(pickup, packages, objective="CHEAPEST")
         await api.call("POST", "/v1/deliveries", key=key, body=body)
     page = await api.call("GET", "/v1/deliveries", key=key)
     while any(delivery["state"] == "REQUESTED" for delivery in page["items"]):
@@ -226,7 +226,7 @@ async def _register_webhook(api: GatewayApi, world: World, receiver: WebhookRece
 async def _accept_best_offer(api: GatewayApi, world: World, screen: DemoScreen) -> str:
     """Ask for offers by two objectives and accept the fastest; the path of the delivery."""
     key = world.customer_key
-    for objective in ("cheapest", "fastest"):
+    for objective in ("CHEAPEST", "FASTEST"):
         request = delivery_request(PICKUP, PACKAGES, objective=objective)
         quote: dict[str, Any] = await api.call("POST", "/v1/quotes", key=key, body=request)
         screen.offers(quote, objective=objective)

@@ -80,7 +80,7 @@ class DemoScreen:
     def request(self, request: dict[str, Any]) -> None:
         """Print the customer's request."""
         self._console.print(
-            f"\n[bold]Request[/] QoS {request['qos']['objective']}, "
+            f"\n[bold]Request[/] QoS {request['qos']['objective'].lower()}, "
             f"pickup {request['pickup']['station_id']}"
         )
         for package in request["packages"]:
@@ -90,7 +90,7 @@ class DemoScreen:
 
     def offers(self, quote: dict[str, Any], *, objective: str) -> None:
         """Print the offers, the best by this objective first, and providers without an offer."""
-        self._console.print(f"\n[bold]Offers[/] {objective} first")
+        self._console.print(f"\n[bold]Offers[/] {objective.lower()} first")
         for offer in quote["offers"]:
             self._console.print(
                 f"  {self._provider_names.get(offer['provider_id'], offer['provider_id']):<20} "

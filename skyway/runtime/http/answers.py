@@ -25,9 +25,7 @@ Part = dict[str, Any]
 _SCHEMA: Final = {"$ref": f"#/components/schemas/{ProblemDetails.__name__}"}
 _CODES: Final = "x-codes"
 _TRACE_ID: Final = "4bf92f3577b34da6a3ce929d0e0e4736"
-_FIELD: Final = FieldProblem(
-    field="packages.0.mass_kg", detail="Input should be greater than or equal to 0"
-)
+_FIELD: Final = FieldProblem(field="packages.0.mass_kg", detail="must be at least 0")
 
 #: Each shared answer: its name, its status, the problem types that it can carry.
 _SHARED: Final[Mapping[str, tuple[str, tuple[str, ...]]]] = {

@@ -37,6 +37,7 @@ _FORWARD_S: Final = 30.0
 _PATH_SAFE: Final = "/%:@"
 _FORWARDED_HEADERS: Final = (
     "accept",
+    "content-encoding",
     "content-length",
     "content-type",
     "idempotency-key",

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, Generic, TypeVar
 from pydantic import ConfigDict, Field
 
 from skyway.errors import InvalidInput
-from skyway.json_model import JsonModel
+from skyway.json_model import JsonModel, QueryModel
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -21,7 +21,7 @@ _MAX_INTEGER: Final = 2**63 - 1
 SortKey = tuple[str | int, ...]
 
 
-class PageQuery(JsonModel):
+class PageQuery(QueryModel):
     """The query of a list: ``?limit=&cursor=``."""
 
     limit: Annotated[

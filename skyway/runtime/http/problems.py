@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.routing import compile_path
 
+from skyway.complaints import sentence_of
 from skyway.contracts.problem_details import (
     PROBLEM_MEDIA_TYPE,
     FieldProblem,
@@ -188,7 +189,7 @@ def allowed_methods(request: Request) -> list[str]:
     methods: set[str] = set()
     for route in iter_route_contexts(app.routes):
         if route.methods and route.path and compile_path(route.path)[0].match(path):
-            methods |= route.methods
+            methods |= route.methods | ({"HEAD"} if "GET" in route.methods else set())
     return sorted(methods)
 
 
@@ -230,7 +231,8 @@ def _field_problems(
     """The invalid fields in the caller's own JSON, in the validator's order."""
     problems = (
         FieldProblem(
-            field=_field_name(complaint, body)[:_MAX_TEXT], detail=_sentence(complaint)[:_MAX_TEXT]
+            field=_field_name(complaint, body)[:_MAX_TEXT],
+            detail=_printable(sentence_of(complaint))[:_MAX_TEXT],
         )
         for complaint in complaints[:_MAX_FIELD_PROBLEMS]
     )
@@ -258,14 +260,6 @@ def _holds(value: object, part: int | str) -> bool:
     if isinstance(value, dict):
         return part in value
     return isinstance(value, list) and isinstance(part, int) and part < len(value)
-
-
-def _sentence(complaint: Mapping[str, Any]) -> str:
-    message = _printable(str(complaint["msg"]))
-    reason = complaint.get("ctx", {}).get("error")
-    if complaint["type"] == "json_invalid" and reason:
-        return f"{message}: {_printable(str(reason))}"
-    return message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
 
 
 def _printable(text: str) -> str:

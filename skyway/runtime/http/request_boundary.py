@@ -82,10 +82,12 @@ class RequestBoundary:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        request = Request(scope)
+        is_head = scope["method"] == "HEAD"
+        # A HEAD is answered like a GET: the server still knows which of them came.
+        request = Request({**scope, "method": "GET"} if is_head else scope)
         started_at = time.monotonic()
         with tracing(request.headers.get("traceparent"), lambda: _span_name(request)):
-            exchange = _Exchange(request, receive, send)
+            exchange = _Exchange(request, receive, _without_body(send) if is_head else send)
             await self._serve(request, exchange)
         if exchange.status in _REFUSED and hasattr(request.state, "note_refusal"):
             request.state.note_refusal()
@@ -192,6 +194,17 @@ class _Exchange:
                     self._is_body_complete = not message.get("more_body", False)
         except TimeoutError:
             log.info("refused body goes on", extra={"drained_bytes": drained_bytes})
+
+
+def _without_body(send: Send) -> Send:
+    """Sends only the head of an answer, and ends it; a stream sees that its client has left."""
+
+    async def send_head(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            await send(message)
+            await send({"type": "http.response.body", "body": b""})
+
+    return send_head
 
 
 async def _awaited(serving: Awaitable[None]) -> None:

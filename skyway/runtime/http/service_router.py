@@ -13,20 +13,24 @@ import re
 from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from email.message import Message as Header
 from functools import cached_property
+from http import HTTPStatus
 from typing import Annotated, Any, Final, Generic, TypeVar
 
 from fastapi import APIRouter, Request, Response
+from fastapi.datastructures import DefaultPlaceholder
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ValidationError
 from pydantic_core import from_json
 from starlette.exceptions import HTTPException
 
-from skyway.runtime.http.body_bounds import BodyBounds, BodyLimit
+from skyway.json_model import STANDS_TWICE, Path, repeated_member
+from skyway.runtime.http.body_bounds import BodyBounds, BodyLimit, members_in
 
 M = TypeVar("M", bound=BaseModel)
 
-Path = tuple[int | str, ...]
+#: A media type in `Accept` that is not wanted.
+_REFUSED: Final = re.compile(r";\s*q=0(\.0*)?\s*(;|$)")
 
 #: Calls a function with a body, in a thread. Any: what the function makes of it.
 InThread = Callable[[Callable[[bytes], Any], bytes], Awaitable[Any]]
@@ -97,14 +101,26 @@ class ServiceRoute(APIRoute):
         field = self.body_field.field_info
         return BodyBounds.of_type(Annotated[field.annotation, field])
 
+    @cached_property
+    def media_types(self) -> tuple[str, ...]:
+        """The types of its good answers; none if the document does not name them."""
+        if self.status_code == HTTPStatus.NO_CONTENT or not self.include_in_schema:
+            return ()
+        own = self.response_class
+        if isinstance(own, DefaultPlaceholder):
+            own = own.value
+        answers = (each for status, each in self.responses.items() if str(status)[0] == "2")
+        named = [media for each in answers for media in each.get("content", ())]
+        return tuple(filter(None, (own.media_type, *named)))
+
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """FastAPI's handler; it finds the body parsed, and does not parse it again."""
-        handle = super().get_route_handler()
-        if self.body_field is None:
-            return handle
+        handle, media_types = super().get_route_handler(), self.media_types
+        has_body = self.body_field is not None
 
         async def check_and_handle(request: Request) -> Response:
-            raw = await request.body()
+            _refuse_other_types(request, media_types)
+            raw = await request.body() if has_body else b""
             if raw:
                 require_json_type(request)
                 _refuse_excess(raw, self.bounds)
@@ -146,7 +162,10 @@ def operation_id(route: APIRoute) -> str:
 
 
 def require_json_type(request: Request) -> None:
-    """Refuse a body whose Content-Type is not JSON, with 415."""
+    """Refuse a body that is compressed, or whose Content-Type is not JSON, with 415."""
+    if (encoding := request.headers.get("content-encoding", "identity")).lower() != "identity":
+        detail = f"the body must have no Content-Encoding; it is {encoding}"
+        raise HTTPException(415, detail, headers={"Accept-Encoding": "identity"})
     shown = request.headers.get("content-type", "")
     if shown == "application/json":
         return
@@ -155,6 +174,22 @@ def require_json_type(request: Request) -> None:
     kind = header.get_content_type() if shown else "none"
     if kind != "application/json" and not re.fullmatch(r"application/[^/]+\+json", kind):
         raise HTTPException(415, f"the Content-Type must be application/json; it is {kind}")
+
+
+def _refuse_other_types(request: Request, media_types: tuple[str, ...]) -> None:
+    """Refuse a call that accepts none of these types, with 406; JSON stands for all its kinds."""
+    accept = ", ".join(request.headers.getlist("accept")).lower()
+    if accept in ("", "*/*") or not media_types:
+        return
+    wanted = {
+        part.partition(";")[0].strip() for part in accept.split(",") if not _REFUSED.search(part)
+    }
+    forms = {f"{each.partition('/')[0]}/*" for each in media_types} | {"*/*", *media_types}
+    if any(each.endswith("json") for each in media_types):
+        forms.add("application/json")
+    if not wanted & forms:
+        detail = f"this call answers {' or '.join(media_types)}; Accept names {accept[:100]}"
+        raise HTTPException(406, detail)
 
 
 async def read_json(request: Request, *, in_thread: InThread = asyncio.to_thread) -> Any:
@@ -242,10 +277,11 @@ def _check(raw: bytes, value: object, *, most_members: int) -> None:
     if b"\0" in raw:
         raise _broken("the text is not UTF-8")
     level: list[Any] = [value] if isinstance(value, dict | list) else []
-    depth = 0
+    depth = members = 0
     while level:
         if depth == MAX_DEPTH:
             raise _complaint((), _TOO_DEEP, value)
+        members += sum(len(each) for each in level if isinstance(each, dict))
         if any(isinstance(each, dict) and len(each) > most_members for each in level):
             reason = f"holds an object of more than {most_members:,} members"
             raise _complaint((), reason, value)
@@ -256,6 +292,8 @@ def _check(raw: bytes, value: object, *, most_members: int) -> None:
             if isinstance(inner, dict | list)
         ]
         depth += 1
+    if members != members_in(raw) and (place := repeated_member(raw)) is not None:
+        raise _complaint(place, STANDS_TWICE, value)
     # A walk through all values takes longer than this search, and so does a pattern.
     plain = raw.translate(_DIGITS, b"+")
     if any(form in plain for form in _SUSPICIOUS):
@@ -274,9 +312,9 @@ def _unstorable(value: object, path: Path = ()) -> Iterator[tuple[Path, str]]:
     elif isinstance(value, str):
         yield from ((path, reason) for reason in _text_faults(value))
     elif isinstance(value, float) and not math.isfinite(value):
-        yield path, "Input should be a finite number"
+        yield path, "must be a finite number"
     elif isinstance(value, int) and abs(value) > _MAX_INTEGER:
-        yield path, f"Input should be an integer of at most {_MAX_INTEGER}"
+        yield path, f"must be a whole number of at most {_MAX_INTEGER}"
 
 
 def _text_faults(text: str) -> Iterator[str]:

@@ -177,7 +177,7 @@ async def test_the_cheapest_offer_is_booked_when_price_counts(composition: Any, 
         make.candidate(3, tariff={"base": 900}),
         cheap,
         delivery_id="dlv_2",
-        request=make.request("c", qos={"objective": "cheapest"}),
+        request=make.request("c", qos={"objective": "CHEAPEST"}),
     )
 
     assert fastest.missions[0].drone_id == "drn_1"

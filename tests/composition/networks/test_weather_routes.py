@@ -145,7 +145,7 @@ def grid_of(first: Any, composition: Any) -> dict[str, Any]:
 
 
 BAD_GRIDS: list[tuple[dict[str, Any], str, str]] = [
-    ({"wind_speed_mps": [[[101.0] * 2] * 2] * 6}, "grid.wind_speed_mps.0.0.0", "equal to 100"),
+    ({"wind_speed_mps": [[[101.0] * 2] * 2] * 6}, "grid.wind_speed_mps.0.0.0", "at most 100"),
     ({"wind_speed_mps": [[[1.0, None]] * 2] * 6}, "grid.wind_speed_mps", "no value at 0, 0, 1"),
     (
         {"wind_speed_mps": [[[1.0] * 2] * 2] * 5},
@@ -158,7 +158,7 @@ BAD_GRIDS: list[tuple[dict[str, Any], str, str]] = [
         "no list where 2 values are needed",
     ),
     ({"wind_speed_mps": None}, "grid", "wind_speed_mps and wind_from_deg"),
-    ({"temperature_c": [[[61.0] * 2] * 2] * 6}, "grid.temperature_c.0.0.0", "equal to 60"),
+    ({"temperature_c": [[[61.0] * 2] * 2] * 6}, "grid.temperature_c.0.0.0", "at most 60"),
     ({"latitude": [1.0, -1.0]}, "grid.latitude", "must rise"),
     ({"latitude": [40.0, 41.0]}, "grid", "station 'a' is 4448 km away from the area"),
     ({"latitude": [0.001 * row for row in range(9_000)]}, "grid.wind_speed_mps", "108000 values"),
@@ -216,7 +216,7 @@ async def test_forecasts_that_no_plan_could_use_are_refused(composition: Any) ->
         (hole, "reports", "has no report for"),
         (twice, "reports.1", "as an earlier report"),
         (nowhere, "reports.0", "needs a station_id, or latitude and longitude"),
-        ([], "forecast", "dictionary"),
+        ([], "forecast", "must be an object"),
     ):
         answer = await put(composition, body)
 

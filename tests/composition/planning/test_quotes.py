@@ -32,9 +32,9 @@ def drones(make: Any) -> list[Any]:
 @pytest.mark.parametrize(
     ("qos", "order"),
     [
-        ({"objective": "fastest"}, ["prv_1", "prv_2"]),
-        ({"objective": "cheapest"}, ["prv_2", "prv_1"]),
-        ({"objective": "greenest"}, ["prv_1", "prv_2"]),
+        ({"objective": "FASTEST"}, ["prv_1", "prv_2"]),
+        ({"objective": "CHEAPEST"}, ["prv_2", "prv_1"]),
+        ({"objective": "GREENEST"}, ["prv_1", "prv_2"]),
         ({"weights": {"time": 0.9, "price": 0.1}}, ["prv_1", "prv_2"]),
         ({"weights": {"time": 0.1, "price": 0.9}}, ["prv_2", "prv_1"]),
     ],

@@ -49,7 +49,7 @@ _STORED_DELIVERY: Final = {
     "activity": None,
     "code": "DELAYED",
     "detail": MARKUP,
-    "request": {"pickup": {"station_id": "a"}, "qos": {"objective": "fastest"}},
+    "request": {"pickup": {"station_id": "a"}, "qos": {"objective": "FASTEST"}},
     "pickup": {"station_id": "a"},
     "packages": [_PACKAGE],
     "missions": [{"mission_id": "msn_1", "drone_id": "drn_1"}],

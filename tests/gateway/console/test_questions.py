@@ -78,7 +78,7 @@ def test_a_customer_asks_for_a_shared_trip(two_stations: StagedPage) -> None:
         page.get_by_role("button", name="Ask for offers").click()
 
     wishes = {"pooling": True, "pooling_wait_s": 900, "pickup_within_m": 900}
-    qos = {"objective": "fastest", **wishes}
+    qos = {"objective": "FASTEST", **wishes}
     body: Any = asked.value.post_data_json
     assert body["qos"] == qos
     # Only a delivery without an offer can join the trip of another one.

@@ -137,7 +137,7 @@ async def test_lateness_counts_from_the_promise_that_was_asked(
     await teach(gateway)
     since = gateway.clock.now() + timedelta(seconds=1)
     gateway.clock.advance(timedelta(seconds=2))
-    delivery_id = await gateway.accepted(qos={"objective": "fastest", **asked})
+    delivery_id = await gateway.accepted(qos={"objective": "FASTEST", **asked})
     while await gateway.book_next():
         pass
     [package] = (await gateway.get(delivery_id))["packages"]
@@ -291,7 +291,7 @@ async def test_offers_show_what_would_be_promised(gateway: Gateway) -> None:
     await teach(gateway)
     shown = {}
     for promise in ("P90", "P50"):
-        body = make_request(qos={"objective": "fastest", "promise": promise})
+        body = make_request(qos={"objective": "FASTEST", "promise": promise})
         answer = await gateway.http.post("/v1/quotes", json=body, headers=gateway.customer)
         assert answer.status_code == 201, answer.text
         [shown[promise]] = answer.json()["offers"][0]["packages"]

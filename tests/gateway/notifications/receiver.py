@@ -12,6 +12,7 @@ class Receiver:
 
     def __init__(self) -> None:
         self.answers: list[int | str] = []
+        self.retry_after: str | None = None
         self.received: list[tuple[dict[str, str], dict[str, Any]]] = []
         self.bodies: list[bytes] = []
         self.has_received = asyncio.Event()
@@ -40,6 +41,8 @@ class Receiver:
                 await self.hangs.wait()
             elif answer != "drop":
                 location = f"Location: {self.url}/elsewhere\r\n" if answer == 302 else ""
+                if self.retry_after is not None:
+                    location += f"Retry-After: {self.retry_after}\r\n"
                 text = f"HTTP/1.1 {answer} X\r\n{location}Content-Length: 0\r\n\r\n"
                 writer.write(text.encode())
                 await writer.drain()

@@ -132,6 +132,20 @@ async def test_later_events_of_a_delivery_wait_for_the_earlier_ones(
     assert receiver.types[3:] == ["delivery.requested", "delivery.planned"]
 
 
+@pytest.mark.parametrize("status", [429, 503])
+async def test_a_receiver_is_not_asked_again_before_its_retry_after(
+    gateway: Gateway, receiver: Receiver, status: int
+) -> None:
+    await _webhook(gateway, receiver.url)
+    receiver.answers, receiver.retry_after = [status], "18"
+    await gateway.planned()
+    await _notify(gateway)
+    gateway.clock.advance(timedelta(seconds=17))
+    assert await _notify(gateway) == 0
+    gateway.clock.advance(timedelta(seconds=1))
+    assert await _notify(gateway) == 2
+
+
 async def test_a_notification_is_given_up_after_its_last_attempt(
     gateway: Gateway, receiver: Receiver
 ) -> None:

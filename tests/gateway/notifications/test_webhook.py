@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 import pytest
 from skyway_gateway.notifications.webhook import (
     MOST_ATTEMPTS,
+    asked_pause_s,
     new_webhook_secret,
     pause_s,
     signed_headers,
@@ -52,6 +53,37 @@ def test_pauses_grow_and_end() -> None:
     assert given == sorted(given)
     assert 4 <= given[0] <= 6
     assert sum(given) > 24 * 3600
+
+
+@pytest.mark.parametrize(
+    ("retry_after", "asked_s"),
+    [
+        ("18", 18.0),
+        ("0", 0.0),
+        ("Sun, 01 Mar 2026 12:01:30 GMT", 90.0),
+        ("Sunday, 01-Mar-26 12:01:30 GMT", 90.0),
+        ("Sun, 01 Mar 2026 11:00:00 GMT", 0.0),
+        ("Fri, 31 Dec 9999 23:59:59 -2359", 86_400.0),
+        ("9" * 5_000, 86_400.0),
+        ("-5", 0.0),
+        ("1.5", 0.0),
+        ("soon", 0.0),
+        ("", 0.0),
+        (None, 0.0),
+    ],
+)
+def test_a_receiver_asks_for_a_pause_of_at_most_a_day(
+    retry_after: str | None, asked_s: float
+) -> None:
+    assert asked_pause_s(retry_after, datetime(2026, 3, 1, 12, tzinfo=UTC)) == asked_s
+
+
+def test_no_pause_is_shorter_than_the_receiver_asks() -> None:
+    chance = random.Random(1)
+
+    assert pause_s(1, chance, asked_s=18.0) == 18.0
+    assert (pause_s(4, chance, asked_s=18.0) or 0) > 600
+    assert pause_s(MOST_ATTEMPTS, chance, asked_s=18.0) is None
 
 
 def test_pauses_vary_between_notifications() -> None:

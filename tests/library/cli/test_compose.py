@@ -95,7 +95,7 @@ def test_unreadable_problems_are_named_by_line_and_field_and_skipped():
     assert code == 2
     assert len(plans) == 1
     assert messages.splitlines() == [
-        "line 1: packages.0.mass_kg: Input should be greater than or equal to 0, not -0.7",
+        "line 1: packages.0.mass_kg: must be at least 0, not -0.7",
         "line 3: source: no station is called 'x'",
         "line 4: problem: not JSON: Expecting property name enclosed in double quotes at column 2",
     ]
@@ -177,9 +177,9 @@ def test_all_faults_of_a_problem_are_lines_of_their_own():
 
     assert code == 2
     assert messages.splitlines() == [
-        "line 1: source: Input should be a valid string, not 7",
-        "line 1: finish: Input should be 'recharge' or 'stay', not 'home'",
-        "line 1: loading_s: Input should be greater than or equal to 0, not -1",
+        "line 1: source: must be text, not 7",
+        "line 1: finish: must be 'recharge' or 'stay', not 'home'",
+        "line 1: loading_s: must be at least 0, not -1",
     ]
 
 

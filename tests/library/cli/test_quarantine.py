@@ -13,7 +13,7 @@ runner = CliRunner()
 MESSAGE: dict[str, Any] = {
     "quarantine_id": "qua_1",
     "reason": "UNREADABLE",
-    "detail": "seq: Input should be a valid integer",
+    "detail": "seq: must be a whole number",
     "topic": "skyway/v1/prv_1/drn_1/acks",
     "last_received_at": "2026-03-01T12:00:00Z",
     "times": 3,
@@ -40,7 +40,7 @@ def test_each_message_has_a_line_with_its_reason(gateway: Gateway) -> None:
     assert result.exit_code == 0
     assert result.stdout == (
         "qua_1  2026-03-01T12:00:00Z  3 x  UNREADABLE  skyway/v1/prv_1/drn_1/acks  "
-        "seq: Input should be a valid integer\n"
+        "seq: must be a whole number\n"
     )
 
 

@@ -47,7 +47,7 @@ def test_packages_go_to_stations_that_are_neither_here_nor_far(network: Network)
 def test_what_customers_ask_for_varies(network: Network) -> None:
     requests = drawn(network, seed=2)
 
-    assert {request.qos.objective for request in requests} == {"fastest", "cheapest", "greenest"}
+    assert {request.qos.objective for request in requests} == {"FASTEST", "CHEAPEST", "GREENEST"}
     assert {request.qos.priority for request in requests} == {"PRIORITY", "STANDARD"}
     assert {request.qos.deadline_at is None for request in requests} == {True, False}
     assert {len(request.packages) for request in requests} == {1, 2, 3}

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from skyway.bounds import EARLIEST, LATEST
 from skyway.errors import InvalidNetwork
 from skyway.geo import Position, distance_m
 from skyway.ids import StationId, ZoneId
@@ -193,9 +194,9 @@ LINE, RINGS = "features.2.geometry.coordinates", "features.3.geometry.coordinate
         (f"{LINE}", [[0.0, 0.0]], "1 positions instead of 2"),
         (f"{LINE}.1", [0.1, 0.21], "from station 'b', more than 100 m"),
         (f"{ZONE}.zone_id", ..., "is missing"),
-        (f"{ZONE}.active_from", "2026-05-01T10:00:00", "is not an RFC 3339 moment"),
-        (f"{ZONE}.active_from", "tomorrow", "'tomorrow' is not an RFC 3339 moment"),
-        (f"{ZONE}.active_from", 7, "7 is not an RFC 3339 moment"),
+        (f"{ZONE}.active_from", "2026-05-01T10:00:00", "must be a moment like"),
+        (f"{ZONE}.active_from", "tomorrow", "not 'tomorrow'"),
+        (f"{ZONE}.active_from", 7, "must be a moment like"),
         (f"{ZONE}.active_until", "2026-05-01T10:00:00Z", "is not after active_from"),
         (f"{RINGS}", [], "a zone without an outer ring"),
         (f"{RINGS}.0", [[0, 0], [1, 1], [0, 0]], "3 positions, fewer than 4"),
@@ -239,7 +240,9 @@ def test_a_second_zone_of_the_same_name_is_refused() -> None:
 IDENTIFIERS = st.from_regex(r"[A-Za-z0-9_-]{1,8}", fullmatch=True)
 POSITIONS = st.builds(Position, st.floats(-180, 180), st.floats(-90, 90))
 EXTRAS = st.dictionaries(st.sampled_from(["roof", "wire"]), st.integers() | st.none() | st.text())
-MOMENTS = st.none() | st.datetimes(timezones=st.just(UTC))
+MOMENTS = st.none() | st.datetimes(
+    EARLIEST.replace(tzinfo=None), LATEST.replace(tzinfo=None), timezones=st.just(UTC)
+)
 
 
 @st.composite

@@ -52,9 +52,9 @@ def test_all_faults_are_named_in_one_answer(good_problem):
     assert faults == (
         FieldFault("surprise", "is not a known field"),
         FieldFault("network.features.0.properties.pads", "-1 is below 0"),
-        FieldFault("drone.soc", "Input should be less than or equal to 1, not 2"),
+        FieldFault("drone.soc", "must be at most 1, not 2"),
         FieldFault("source", "is missing"),
-        FieldFault("packages.1.mass_kg", "Input should be a valid number, not 'heavy'"),
+        FieldFault("packages.1.mass_kg", "must be a number, not 'heavy'"),
     )
 
 

@@ -32,7 +32,7 @@ def test_a_message_names_the_values(error: SkywayError, message: str) -> None:
 ERRORS: dict[ExitCode, Exception] = {
     ExitCode.NOT_NOW: errors.ServiceUnavailable("database", "no connection"),
     ExitCode.FAILED: LookupError("a bug"),
-    ExitCode.BAD_SETTINGS: errors.InvalidSettings("SKYWAY_PORT: Field required"),
+    ExitCode.BAD_SETTINGS: errors.InvalidSettings("SKYWAY_PORT: is missing"),
     ExitCode.BAD_DATABASE: errors.DamagedDatabase("broken page"),
 }
 

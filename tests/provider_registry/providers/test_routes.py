@@ -164,15 +164,41 @@ async def test_operators_see_all_and_customers_see_names_and_tariffs(api: Any) -
     assert card.json() == cards.json()["items"][0]
 
 
-async def test_a_change_keeps_all_other_fields(api: Any) -> None:
-    provider_id = await api.provider(terms="old")
+OTHER_TARIFF = {
+    "currency": "EUR",
+    "base": 450,
+    "per_km": 30,
+    "per_kg": 100,
+    "per_recharge_minute": 5,
+    "minimum": 600,
+    "priority_factor": 2.0,
+    "pooled_factor": 0.5,
+}
+CHANGED_TARIFF = dict.fromkeys(OTHER_TARIFF, 1) | {"currency": "USD"}
+
+
+@pytest.mark.parametrize("name", OTHER_TARIFF)
+async def test_a_change_of_one_member_of_a_tariff_keeps_all_others(api: Any, name: str) -> None:
+    provider_id = await api.provider(terms="old", tariff=OTHER_TARIFF)
     path = f"/v1/providers/{provider_id}"
+    before = (await api("operator:op", "GET", path)).json()
+    change = {name: CHANGED_TARIFF[name]}
 
-    answer = await api(f"provider:{provider_id}", "PATCH", path, {"tariff": {"per_km": 7}})
+    answer = await api(f"provider:{provider_id}", "PATCH", path, {"tariff": change})
 
-    assert answer.json()["tariff"]["per_km"] == 7
-    assert answer.json()["tariff"]["base"] == 0
-    assert (answer.json()["terms"], answer.json()["name"]) == ("old", "Hill Country Drones")
+    assert answer.json() == {**before, "tariff": {**OTHER_TARIFF, **change}}
+    assert (await api("operator:op", "GET", path)).json() == answer.json()
+
+
+async def test_a_tariff_or_a_member_of_it_cannot_be_null(api: Any) -> None:
+    path = f"/v1/providers/{await api.provider(tariff=OTHER_TARIFF)}"
+
+    for tariff, field in ((None, "tariff"), ({"base": None}, "tariff.base")):
+        answer = await api("operator:op", "PATCH", path, {"tariff": tariff})
+
+        assert answer.status_code == 422
+        assert answer.json()["errors"][0]["field"] == field
+    assert (await api("operator:op", "GET", path)).json()["tariff"] == OTHER_TARIFF
 
 
 async def test_terms_can_be_removed_and_a_name_cannot(api: Any) -> None:

@@ -2,11 +2,11 @@
 
 import {signal} from "@preact/signals";
 
-export const OBJECTIVES = ["fastest", "cheapest", "greenest"];
+export const OBJECTIVES = ["FASTEST", "CHEAPEST", "GREENEST"];
 export const MOST_PACKAGES = 100;
 
 const newPackage = (number) => ({package_id: `p${number}`, mass_kg: "0.5", station_id: ""});
-const nothing = () => ({pickup: "", packages: [newPackage(1)], objective: "fastest", reference: "",
+const nothing = () => ({pickup: "", packages: [newPackage(1)], objective: "FASTEST", reference: "",
   latest: "", isHeld: false, mayShare: false, waitMinutes: "0", withinM: "0"});
 
 // It outlives the view, so that a look at another view loses nothing.

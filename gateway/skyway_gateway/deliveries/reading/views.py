@@ -11,7 +11,7 @@ from skyway.delivery.offer import Currency
 from skyway.delivery.request import Place
 from skyway.geo import Position
 from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, ProviderId, StationId
-from skyway.json_model import JsonModel
+from skyway.json_model import JsonModel, QueryModel
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Activity,
     Delivery,
@@ -131,7 +131,7 @@ def for_provider(delivery: Delivery) -> ProviderDelivery:
     )
 
 
-class EarningsQuery(JsonModel):
+class EarningsQuery(QueryModel):
     """Which missions count: those that ended in [from, to); without limits, all."""
 
     from_at: Annotated[

@@ -24,7 +24,7 @@ _NEAR: Final = 2
 #: Shares of requests with one, two and three packages.
 _PACKAGES: Final = ((1, 2, 3), (0.7, 0.2, 0.1))
 _MASS_KG: Final = (0.1, 0.8)
-_OBJECTIVES: Final = (("fastest", "cheapest", "greenest"), (0.8, 0.1, 0.1))
+_OBJECTIVES: Final = (("FASTEST", "CHEAPEST", "GREENEST"), (0.8, 0.1, 0.1))
 
 
 @dataclass(frozen=True, slots=True)

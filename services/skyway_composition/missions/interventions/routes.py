@@ -10,7 +10,7 @@ from skyway.contracts.flight_step import PackageOnBoard
 from skyway.contracts.mission import Cancellation, CancelMissions
 from skyway.delivery.request import MAX_PACKAGE_MASS_KG, MAX_PACKAGES
 from skyway.ids import DeliveryId, MissionId, PackageId, ProviderId
-from skyway.json_model import JsonModel
+from skyway.json_model import JsonModel, QueryModel
 from skyway.runtime.http.answers import conflicts
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
@@ -34,7 +34,6 @@ class LoadedPackage(JsonModel):
         Field(
             ge=0,
             le=MAX_PACKAGE_MASS_KG,
-            strict=True,
             description="Measured mass in kilograms.",
             examples=[0.4],
         ),
@@ -50,7 +49,7 @@ class Loaded(JsonModel):
     ]
 
 
-class CommandDryRun(JsonModel):
+class CommandDryRun(QueryModel):
     """Whether to give a command or only to preview it."""
 
     dry_run: Annotated[

@@ -17,7 +17,7 @@ from skyway.contracts.mission_reports import FreeFrom
 from skyway.contracts.statistics import Span, span_between
 from skyway.delivery.plan import Fly
 from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId, StationId
-from skyway.json_model import JsonModel
+from skyway.json_model import JsonModel, QueryModel
 from skyway.runtime.http.paging import Page, PageQuery
 from skyway.scheduling.stays import first_slot
 from skyway.units import moment_to_ms, ms_to_moment
@@ -43,7 +43,7 @@ _EXAMPLE: Final[Mapping[str, Any]] = {
 LONGEST_SPAN: Final = timedelta(days=31)
 
 
-class FutureSpanQuery(JsonModel):
+class FutureSpanQuery(QueryModel):
     """``?from=&to=``; by default 31 days from now on."""
 
     from_at: Annotated[

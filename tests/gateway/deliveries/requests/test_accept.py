@@ -77,7 +77,7 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
         "negative mass",
         {"packages": [_package(mass_kg=-1)]},
         "packages.0.mass_kg",
-        "greater than or equal to 0",
+        "must be at least 0",
     ),
     (
         "overweight package",
@@ -99,7 +99,7 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
     ),
     (
         "objective and weights",
-        {"qos": {"objective": "fastest", "weights": {"time": 1}}},
+        {"qos": {"objective": "FASTEST", "weights": {"time": 1}}},
         "qos",
         "exclude each other",
     ),
@@ -114,6 +114,12 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
         {"qos": {"deadline_at": "2026-03-01T11:59:59Z"}},
         "qos.deadline_at",
         "is in the past",
+    ),
+    (
+        "pickup in the past",
+        {"earliest_pickup_at": "2026-03-01T11:54:59Z"},
+        "earliest_pickup_at",
+        "is in the past: fleet time is 2026-03-01 12:00:00",
     ),
     (
         "deadline before the pickup",
@@ -134,10 +140,10 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
         "moment without a zone",
         {"earliest_pickup_at": "2026-03-01T16:00:00"},
         "earliest_pickup_at",
-        "timezone",
+        "must be a moment like",
     ),
-    ("unknown field", {"colour": "red"}, "colour", "not permitted"),
-    ("price below zero", {"qos": {"max_price": -1}}, "qos.max_price", "greater than or equal"),
+    ("unknown field", {"colour": "red"}, "colour", "is not a known field"),
+    ("price below zero", {"qos": {"max_price": -1}}, "qos.max_price", "at least 0"),
     ("reference too long", {"reference": "x" * 201}, "reference", "at most 200 characters"),
 ]
 

@@ -30,7 +30,7 @@ def test_the_agent_gets_the_differences_and_refuses_impossible_ones(
     )
 
     assert done.returncode == 2
-    assert "charge_time_factor: Input should be greater than 0, not -2.0\n" in done.stderr
+    assert "charge_time_factor: must be above 0, not -2.0\n" in done.stderr
 
 
 def test_a_drone_without_a_file_enrols_without_its_token_among_the_arguments(

@@ -36,7 +36,7 @@ def gateway(answering_gateway: Gateway) -> Gateway:
     [
         (["--model", "nope", "--home", "home"], "no route"),
         (["--home", "nowhere"], "no route"),
-        (["--home", "home", "--charge-time-factor=-2"], "charge_time_factor: Input should be"),
+        (["--home", "home", "--charge-time-factor=-2"], "charge_time_factor: must be"),
         (["--home", "home", "--scenario", "nope"], "scenario: nope is"),
         (["missing-folder/fleet.json", "--home", "home"], "cannot be written"),
     ],

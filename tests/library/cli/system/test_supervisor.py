@@ -192,7 +192,7 @@ async def test_each_cause_is_said_in_one_line_and_not_for_ever(stage: Stage) -> 
 async def test_a_cause_that_cannot_pass_ends_everything_with_the_reason(
     stage: Stage, exit_code: int
 ) -> None:
-    stage.log.write_text("earlier\nskyway_gateway: SKYWAY_PORT: Field required\n")
+    stage.log.write_text("earlier\nskyway_gateway: SKYWAY_PORT: is missing\n")
 
     stage.processes[0].end(exit_code)
 

@@ -32,7 +32,7 @@ def asks(
                 {"package_id": f"p{n}", "mass_kg": mass_kg, "destination": {"station_id": each}}
                 for n, each in enumerate(to, 1)
             ],
-            "qos": {"objective": "cheapest", **pooling},
+            "qos": {"objective": "CHEAPEST", **pooling},
             **members,
         }
     )

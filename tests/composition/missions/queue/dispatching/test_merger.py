@@ -243,7 +243,7 @@ async def test_both_deliveries_are_booked_again_when_the_drone_refuses_their_tri
 @pytest.mark.parametrize(
     "second",
     [
-        asks("b", qos={"objective": "cheapest"}),
+        asks("b", qos={"objective": "CHEAPEST"}),
         asks("b", latest_pickup_at="2026-03-03T12:00:00Z"),
         asks("b", qos={"pooling": True, "priority": "PRIORITY"}),
         asks("b", mass_kg=3.0),

@@ -194,7 +194,7 @@ async def test_hosts_at_the_own_pickup_are_compared_before_those_at_other_statio
 
 
 _FAST: Final = {
-    "objective": "fastest",
+    "objective": "FASTEST",
     "pooling": True,
     "pooling_wait_s": 1200.0,
     "pickup_within_m": 1_200.0,

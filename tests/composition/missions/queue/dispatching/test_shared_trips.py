@@ -250,10 +250,10 @@ async def test_both_deliveries_are_booked_again_when_the_drone_refuses(world: Bu
 @pytest.mark.parametrize(
     "second",
     [
-        asks("b", qos={"objective": "cheapest"}),
+        asks("b", qos={"objective": "CHEAPEST"}),
         asks("b", mass_kg=3.0),
         asks("b", latest_pickup_at="2026-03-02T12:00:00Z"),
-        asks("b", qos={"objective": "fastest", "pooling": True}),
+        asks("b", qos={"objective": "FASTEST", "pooling": True}),
     ],
     ids=["no pooling", "too heavy together", "a window", "sooner alone"],
 )
@@ -270,7 +270,7 @@ async def test_a_request_that_cannot_share_or_gains_nothing_flies_alone(
 
 
 @_on_sqlite
-@pytest.mark.parametrize(("objective", "joins"), [("cheapest", False), ("greenest", True)])
+@pytest.mark.parametrize(("objective", "joins"), [("CHEAPEST", False), ("GREENEST", True)])
 async def test_a_guest_that_may_be_left_alone_pays_no_more_than_its_best_offer(
     world: BusyWorld, objective: str, joins: bool
 ) -> None:
@@ -417,7 +417,7 @@ async def arrivals(world: BusyWorld) -> dict[tuple[str, str], datetime]:
 _WISHES = st.tuples(
     st.lists(st.sampled_from("bc"), min_size=1, max_size=2),
     st.sampled_from([0.0, 600.0, 1_800.0]),
-    st.sampled_from(["cheapest", "greenest", "fastest"]),
+    st.sampled_from(["CHEAPEST", "GREENEST", "FASTEST"]),
     st.sampled_from([0.4, 4.0]),
 )
 
