@@ -20,7 +20,7 @@ from skyway.planner.obstacles import (
 )
 from skyway.planner.plan_columns import lengths_flown, pad_clashes
 from skyway.planner.problem import Problem
-from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, TIME_TOLERANCE_S
+from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, TIME_TOLERANCE_S, time_tolerance_s
 
 if TYPE_CHECKING:
     from skyway.planner.pad_book import PadBook
@@ -284,8 +284,3 @@ class Replay:
 
     def _note_of_plan(self, rule: str, detail: str) -> None:
         self.violations.append(Violation(None, rule, detail))
-
-
-def time_tolerance_s(moment_s: float) -> float:
-    """The tolerance of moments of this size; after some decades floats lose microseconds."""
-    return TIME_TOLERANCE_S + 4 * math.ulp(moment_s)

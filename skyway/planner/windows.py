@@ -13,10 +13,7 @@ from dataclasses import dataclass, field, replace
 from skyway.ids import StationId
 from skyway.planner.closures import Interval, open_hours_s
 from skyway.planner.problem import Problem
-from skyway.units import TIME_TOLERANCE_S
-
-#: Moments closer than this are equal, seconds.
-_SAME_S = TIME_TOLERANCE_S / 2
+from skyway.units import time_tolerance_s
 
 _ALWAYS: Interval = (-math.inf, math.inf)
 
@@ -63,7 +60,11 @@ class Windows:
             (max(from_s, opens_s), min(until_s, closes_s))
             for opens_s, closes_s in self.open_starts.get(station_id, (_ALWAYS,))
         )
-        return tuple((from_s, until_s) for from_s, until_s in both if from_s <= until_s + _SAME_S)
+        return tuple(
+            (from_s, until_s)
+            for from_s, until_s in both
+            if from_s <= until_s + time_tolerance_s(until_s) / 2
+        )
 
     def opened(self) -> "Windows":
         """The same problem as if every window were always open, within the opening hours."""
