@@ -37,6 +37,7 @@ from tests.library.planner.oracles.instances import (
     make_stormy_problem,
     make_windowed_problem,
 )
+from tests.library.planner.oracles.touching import make_touching_problem
 
 _OUTCOME_OF = {
     None: TripOutcome.PROVEN,
@@ -105,6 +106,7 @@ def trips_of(problem: Problem, *, begins_s: float, count: int = 1) -> Trips:
         make_problem_with_powers,
         make_problem_with_connectors,
         make_stormy_problem,
+        make_touching_problem,
     ],
 )
 def test_a_trip_ends_when_the_plan_of_its_problem_ends(
