@@ -155,7 +155,7 @@ def task_of(
     flight, need = bounds_of(
         situation, least, guide=method.bound, required=required, apart_m=apart_m
     )
-    loading_s = problem.loading_s
+    loading_s = problem.loading.takes_s
     if situation.packages_for(problem.source):
         loading_s += problem.dropoff_s
     # Where the drone may stand at the source before it loads, the landing may be behind it.

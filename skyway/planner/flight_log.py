@@ -104,7 +104,7 @@ class FlightLog:
         """Take all packages on board; hand over those for the source right after."""
         problem = self._situation.problem
         package_ids = [package.package_id for package in problem.packages]
-        self._transfer("PICK_UP", package_ids, duration_s=problem.loading_s)
+        self._transfer("PICK_UP", package_ids, duration_s=problem.loading.takes_s)
         if self._situation.packages_for(self.here):
             self._deliver()
 

@@ -70,8 +70,8 @@ def _act(situation: Situation, place: StationId) -> str:
     """The act at this place that cannot be over in time, with the field that limits it."""
     problem = situation.problem
     until_s = situation.windows.limits[place][1]
-    latest_s = problem.pickup_latest_s
-    if place == problem.source and latest_s is not None and latest_s - problem.loading_s <= until_s:
+    latest_s, takes_s = problem.loading.latest_s, problem.loading.takes_s
+    if place == problem.source and latest_s is not None and latest_s - takes_s <= until_s:
         return f"loading at {place!r} cannot be over by pickup_latest_s {latest_s:g}"
     latest_s, package_id = min(
         (package.latest_s, package.package_id)

@@ -131,10 +131,12 @@ class Replay:
             self._note("pickup", "packages are picked up once, at the source")
         if sorted(step.package_ids) != sorted(self._undelivered):
             self._note("pickup", "not exactly all packages are picked up")
-        self._check_duration(step, self._problem.loading_s)
         problem = self._problem
-        self._check_window(step, problem.pickup_not_before_s, problem.pickup_latest_s)
-        if not problem.are_on_board:
+        if problem.are_on_board:
+            self._check_duration(step, 0.0)
+        else:
+            self._check_duration(step, problem.loading_s)
+            self._check_window(step, problem.pickup_not_before_s, problem.pickup_latest_s)
             self._check_hours(step)
         limit_kg = self._model.max_payload_kg
         if self._load_kg > limit_kg + LOAD_TOLERANCE_KG:

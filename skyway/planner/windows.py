@@ -88,10 +88,11 @@ def _limits(problem: Problem, station_id: StationId) -> Interval:
     from_s, until_s = _ALWAYS
     takes_s = _takes_s(problem, station_id)
     if station_id == problem.source:
-        if problem.pickup_not_before_s is not None:
-            from_s = problem.pickup_not_before_s
-        if problem.pickup_latest_s is not None:
-            until_s = problem.pickup_latest_s - problem.loading_s
+        loading = problem.loading
+        if loading.not_before_s is not None:
+            from_s = loading.not_before_s
+        if loading.latest_s is not None:
+            until_s = loading.latest_s - loading.takes_s
     for package in problem.packages:
         if package.destination != station_id:
             continue
@@ -115,4 +116,4 @@ def _takes_s(problem: Problem, station_id: StationId) -> float:
     if station_id != problem.source:
         return problem.dropoff_s
     has_own = any(one.destination == station_id for one in problem.packages)
-    return problem.loading_s + (problem.dropoff_s if has_own else 0.0)
+    return problem.loading.takes_s + (problem.dropoff_s if has_own else 0.0)

@@ -38,8 +38,10 @@ def drops_of(terms: Terms, trips: TripRows, trip: int) -> Drops:
     row, mass_kg = np.empty(end - first, np.int32), np.zeros(end - first)
     from_s, until_s = np.full(end - first + 1, -np.inf), np.full(end - first + 1, np.inf)
     source = trips.source[trip]
-    loading_s = 0.0 if trips.on_board[trip] else terms.loading_s
-    own_from_s, own_until_s = trips.pickup_from_s[trip], trips.pickup_until_s[trip] - loading_s
+    loading_s, own_from_s, own_until_s = 0.0, -np.inf, np.inf
+    if not trips.on_board[trip]:
+        loading_s, own_from_s = terms.loading_s, trips.pickup_from_s[trip]
+        own_until_s = trips.pickup_until_s[trip] - loading_s
     may_pass = own_from_s > -np.inf or own_until_s < np.inf or terms.has_hours[source]
     has_own = False
     load_kg = 0.0
