@@ -5,8 +5,11 @@ from datetime import UTC, datetime, timedelta
 #: Charges closer than this share of a full battery are equal (docs/reference/planner-problem.md).
 CHARGE_TOLERANCE = 1e-9
 
-#: Two moments closer than this many seconds are equal (docs/reference/planner-problem.md).
+#: Two moments closer than this many seconds are equal, and beside that closer than this share of
+#: the seconds since the start: floats of decades lose microseconds
+#: (docs/reference/planner-problem.md).
 TIME_TOLERANCE_S = 1e-6
+TIME_TOLERANCE_SHARE = 1e-15
 
 #: Two loads closer than this many kilograms are equal; they are sums of the same masses.
 LOAD_TOLERANCE_KG = 1e-9
@@ -15,6 +18,11 @@ LOAD_TOLERANCE_KG = 1e-9
 NEVER_MS = 2**53
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def time_tolerance_s(moment_s: float) -> float:
+    """Moments closer than this to such a moment are equal to it. Searches use half of it."""
+    return TIME_TOLERANCE_S + TIME_TOLERANCE_SHARE * abs(moment_s)
 
 
 def kmh_to_mps(speed_kmh: float) -> float:

@@ -14,6 +14,7 @@ from skyway.network.network import Zone
 from skyway.network.opening_hours import OpeningHours
 from skyway.planner.airspace import Airspace, SegmentEnds
 from skyway.planner.problem import Problem, StationClosure
+from skyway.units import time_tolerance_s
 
 #: From one moment to another, seconds since the start.
 Interval = tuple[float, float]
@@ -21,9 +22,6 @@ Interval = tuple[float, float]
 #: How far opening hours are followed, seconds: two weeks. After that stations with opening hours
 #: count as closed. Our own choice.
 HOURS_AHEAD_S = 14 * 86_400.0
-
-#: Seconds by which a drone may leave early because a sum of floats fell short of a closure's end.
-_ROUNDING_S = 1e-9
 
 
 def open_hours_s(problem: Problem, station_id: StationId) -> tuple[Interval, ...]:
@@ -126,10 +124,12 @@ class Closures:
         """A later departure that a use needs; None when this departure is good."""
         for use in uses:
             start_s = at_s + use.after_s
+            over_s = start_s + use.duration_s
+            same_s = time_tolerance_s(over_s) / 2
+            # A landing that takes no time is a moment; a closure covers its own first moment.
+            begun_s = over_s - same_s if use.duration_s > 0 else over_s + same_s
             for closed_from_s, closed_until_s in self._closed[use.what]:
-                # A landing that takes no time is one moment, which a closure may cover too.
-                meets = closed_from_s < start_s + use.duration_s or closed_from_s == start_s
-                if meets and start_s < closed_until_s - _ROUNDING_S:
+                if closed_from_s < begun_s and start_s < closed_until_s - same_s:
                     return Departure(closed_until_s - use.after_s, use.what)
         return None
 

@@ -23,7 +23,7 @@ from skyway.planner.missed_window import window_missed
 from skyway.planner.pad_book import NO_RESERVATIONS
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
-from skyway.units import TIME_TOLERANCE_S
+from skyway.units import time_tolerance_s
 
 #: These searches begin when the limit's labels divided by this number are made.
 ROOM_BEFORE_HASTE = 32
@@ -159,7 +159,7 @@ def _proof_of_infeasibility(situation: Situation, effort: Effort) -> Infeasibili
             return window_missed(timely, effort)
         least_s = search.lower_bound_s
     limit_s = situation.problem.latest_delivery_s
-    if limit_s is not None and least_s > limit_s + TIME_TOLERANCE_S:
+    if limit_s is not None and least_s > limit_s + time_tolerance_s(limit_s) / 2:
         return Infeasibility(
             code="TOO_LATE",
             detail=f"the earliest plan takes {least_s:.3f} s even with every pad free, "

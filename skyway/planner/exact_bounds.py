@@ -147,7 +147,7 @@ def likely_delivery_s(situation: Situation) -> float:
     route = [] if problem.start_station_id == problem.source else [problem.source]
     here, load_kg, used_j = problem.start_station_id, 0.0, 0.0
     at_s = max((first_s for first_s, _ in situation.windows.limits.values()), default=0.0)
-    at_s = max(at_s, 0.0) + problem.loading_s
+    at_s = max(at_s, 0.0) + problem.loading.takes_s
     while route or left:
         if not route:
             load_kg = situation.load_kg(set(left))

@@ -19,7 +19,7 @@ from skyway.planner.pad_book import booked_from_ms, booked_until_ms
 from skyway.planner.pad_calendar import FreeWindow, windows_on_end
 from skyway.planner.situation import Situation
 from skyway.planner.weather import STILL_AIR, Air
-from skyway.units import TIME_TOLERANCE_S
+from skyway.units import time_tolerance_s
 
 # Ints of Python are compared faster than those of numpy.
 _START: Final = int(memory.START)
@@ -169,13 +169,13 @@ class _Flight:
                 each.air,
                 start_s=start_s,
                 end_s=start_s + each.flight_s,
-                within_s=TIME_TOLERANCE_S / 2,
+                within_s=time_tolerance_s(start_s) / 2,
             ):
                 return False
             uses.append(Use((here, each.to_id), after_s, each.flight_s))
             here, after_s = each.to_id, after_s + each.flight_s
         departure = self._situation.closures.earliest_departure(uses, not_before_s=leave_s)
-        return departure.at_s <= leave_s + TIME_TOLERANCE_S
+        return departure.at_s <= leave_s + time_tolerance_s(leave_s)
 
     def _fly(self, flights: Sequence[_Crossing], leave_s: float) -> None:
         self.log.wait(until_s=leave_s)

@@ -20,10 +20,7 @@ from skyway.planner.kernels.memory import Floats, Ints, Longs
 from skyway.planner.kernels.records import Book, Closed, Task
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.situation import Situation
-from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
-
-#: Seconds by which the search may miss a window: half of what `verify` allows.
-_TOLERANCE_S = TIME_TOLERANCE_S / 2
+from skyway.units import CHARGE_TOLERANCE, time_tolerance_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +130,7 @@ def rounding_j(model: DroneModel) -> float:
 def latest_s(situation: Situation) -> float:
     """The latest moment of the last delivery, with the tolerance; inf without a limit."""
     limit_s = situation.problem.latest_delivery_s
-    return math.inf if limit_s is None else limit_s + TIME_TOLERANCE_S
+    return math.inf if limit_s is None else limit_s + time_tolerance_s(limit_s) / 2
 
 
 def task_of(
@@ -158,7 +155,7 @@ def task_of(
     flight, need = bounds_of(
         situation, least, guide=method.bound, required=required, apart_m=apart_m
     )
-    loading_s = problem.loading_s
+    loading_s = problem.loading.takes_s
     if situation.packages_for(problem.source):
         loading_s += problem.dropoff_s
     # Where the drone may stand at the source before it loads, the landing may be behind it.
@@ -257,8 +254,15 @@ def windows_of(
     places = (*situation.destinations, situation.problem.source)
     starts = [situation.windows.starts_at(place) for place in places]
     times_s = np.array([one for each in starts for one in each], np.float64).reshape(-1, 2)
+    times_s[:, 1] += [time_tolerance_s(until_s) / 2 for until_s in times_s[:, 1]]
+    offsets = np.cumsum([0, *(len(each) for each in starts)], dtype=np.int64)
     first_s = np.array([max(0.0, each[0][0]) if each else math.inf for each in starts])
-    last_s = np.array([each[-1][1] + _TOLERANCE_S if each else -math.inf for each in starts])
+    last_s = np.array(
+        [
+            times_s[end - 1, 1] if each else -math.inf
+            for each, end in zip(starts, offsets[1:], strict=True)
+        ]
+    )
     least_s_per_m = _least_from_here(legs.s_per_m)
     for number, last_start_s in enumerate(last_s[:-1]):
         if last_start_s < math.inf:
@@ -268,9 +272,9 @@ def windows_of(
     fill_floors(flight.after, first_s[:-1], floor_s)
     floor_s[-1] = max(first_s[-1] + loading_s + flight.least, floor_s[0])
     return WindowRows(
-        np.cumsum([0, *(len(each) for each in starts)], dtype=np.int64),
+        offsets,
         np.ascontiguousarray(times_s[:, 0]),
-        np.ascontiguousarray(times_s[:, 1]) + _TOLERANCE_S,
+        np.ascontiguousarray(times_s[:, 1]),
         last_s,
         floor_s,
         least_s_per_m,

@@ -7,7 +7,7 @@ from skyway.delivery.plan import Infeasibility
 from skyway.planner.itinerary import Itinerary
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
-from skyway.units import TIME_TOLERANCE_S
+from skyway.units import time_tolerance_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,8 @@ class Findings:
         return (
             self.itinerary is not None
             and self.lower_bound_s is not None
-            and self.itinerary.delivered_s <= self.lower_bound_s + TIME_TOLERANCE_S
+            and self.itinerary.delivered_s
+            <= self.lower_bound_s + time_tolerance_s(self.lower_bound_s)
         )
 
 
@@ -41,6 +42,6 @@ def is_better(situation: Situation, itinerary: Itinerary, best: Itinerary | None
     latest_s = situation.problem.latest_delivery_s
     if itinerary.is_stuck:
         return False
-    if latest_s is not None and itinerary.delivered_s > latest_s + TIME_TOLERANCE_S:
+    if latest_s is not None and itinerary.delivered_s > latest_s + time_tolerance_s(latest_s):
         return False
     return best is None or itinerary.delivered_s < best.delivered_s

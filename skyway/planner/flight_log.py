@@ -6,7 +6,7 @@ from skyway.drone.flight import soc_after_use
 from skyway.ids import PackageId, StationId
 from skyway.planner.situation import Situation
 from skyway.planner.weather import STILL_AIR, Air
-from skyway.units import TIME_TOLERANCE_S
+from skyway.units import time_tolerance_s
 
 #: The fields of a step in `skyway.delivery.plan`. A search makes many itineraries, and `compose`
 #: makes the steps of one of them.
@@ -62,7 +62,7 @@ class FlightLog:
 
     def wait(self, *, until_s: float) -> None:
         """Stand until this moment; no step if the moment has come, within the tolerance."""
-        if until_s > self.now_s + TIME_TOLERANCE_S:
+        if until_s > self.now_s + time_tolerance_s(until_s) / 2:
             self._stand_until(until_s)
 
     def stand(self) -> None:
@@ -104,7 +104,7 @@ class FlightLog:
         """Take all packages on board; hand over those for the source right after."""
         problem = self._situation.problem
         package_ids = [package.package_id for package in problem.packages]
-        self._transfer("PICK_UP", package_ids, duration_s=problem.loading_s)
+        self._transfer("PICK_UP", package_ids, duration_s=problem.loading.takes_s)
         if self._situation.packages_for(self.here):
             self._deliver()
 

@@ -18,7 +18,7 @@ from skyway.planner.problem import Problem
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort, LabelLimit, Stop, first_of
 from skyway.planner.subnetwork import Subnetwork
-from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, TIME_TOLERANCE_S
+from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, time_tolerance_s
 
 #: Labels after which the proof of OUT_OF_RANGE is given up. Our own choice: about 1 s.
 _MAX_LABELS = 50_000
@@ -56,7 +56,7 @@ def proof_of_infeasibility(situation: Situation, stop: Stop) -> Infeasibility | 
             f"the {situation.model.model_id} cannot fly to all destinations in turn",
         )
     latest_s = situation.problem.latest_delivery_s
-    if latest_s is not None and lower_bound_s > latest_s + TIME_TOLERANCE_S:
+    if latest_s is not None and lower_bound_s > latest_s + time_tolerance_s(latest_s):
         return Infeasibility(
             code="TOO_LATE",
             detail=f"no plan is over before {lower_bound_s:.3f} s, even with every pad free; "

@@ -17,7 +17,7 @@ from skyway.planner.closures import Use
 from skyway.planner.flight_log import FlightLog, StepFields
 from skyway.planner.route import Route
 from skyway.planner.situation import Situation
-from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
+from skyway.units import CHARGE_TOLERANCE, time_tolerance_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ class _RouteFlight:
     def _wait_for_window(self) -> None:
         """Wait until packages may change hands here."""
         for from_s, until_s in self._situation.windows.starts_at(self._log.here):
-            if self._log.now_s <= until_s + TIME_TOLERANCE_S / 2:
+            if self._log.now_s <= until_s + time_tolerance_s(until_s) / 2:
                 self._log.wait(until_s=from_s)
                 return
         raise _Stuck

@@ -112,7 +112,7 @@ class TimeMatrix:
     def _before_the_first_leg(self, approach: Subnetwork) -> tuple[float, float]:
         """Least time and energy of the approach flight, loading, and a hand-over at the source."""
         model, problem = self._situation.model, self._situation.problem
-        before_s, before_j = problem.loading_s, 0.0
+        before_s, before_j = problem.loading.takes_s, 0.0
         if problem.start_station_id != problem.source:
             lengths = approach.lengths_to_m(problem.source)
             length_m = lengths.get(problem.start_station_id, math.inf)

@@ -9,7 +9,7 @@ from skyway.planner.exact_search import Ending, ExactSearch
 from skyway.planner.exact_task import Method
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
-from skyway.units import TIME_TOLERANCE_S
+from skyway.units import time_tolerance_s
 
 #: Seconds to which the lateness is found, and labels of one trial. Our own choice.
 _STEP_S = 0.25
@@ -26,7 +26,7 @@ def window_missed(situation: Situation, effort: Effort) -> Infeasibility:
     is named, with the least lateness at which there is a plan.
     """
     for place, (from_s, until_s) in situation.windows.limits.items():
-        if from_s > until_s + TIME_TOLERANCE_S:
+        if from_s > until_s + time_tolerance_s(until_s) / 2:
             detail = f"no moment lies in all windows at {place!r}"
             return Infeasibility(code="WINDOW_MISSED", detail=detail, station_id=place)
     kept: dict[StationId, float] = {}
@@ -70,8 +70,8 @@ def _act(situation: Situation, place: StationId) -> str:
     """The act at this place that cannot be over in time, with the field that limits it."""
     problem = situation.problem
     until_s = situation.windows.limits[place][1]
-    latest_s = problem.pickup_latest_s
-    if place == problem.source and latest_s is not None and latest_s - problem.loading_s <= until_s:
+    latest_s, takes_s = problem.loading.latest_s, problem.loading.takes_s
+    if place == problem.source and latest_s is not None and latest_s - takes_s <= until_s:
         return f"loading at {place!r} cannot be over by pickup_latest_s {latest_s:g}"
     latest_s, package_id = min(
         (package.latest_s, package.package_id)

@@ -22,7 +22,7 @@ from skyway.network.pad_connectors import PAD_CONNECTORS
 from skyway.network.zones import contains, crosses
 from skyway.planner.kernels.memory import Longs
 from skyway.planner.problem import Problem
-from skyway.units import TIME_TOLERANCE_S
+from skyway.units import TIME_TOLERANCE_S, time_tolerance_s
 
 #: A closed time: from its start until before its end, seconds.
 _Interval = tuple[float, float]
@@ -142,7 +142,7 @@ class MovingAir:
         flights = [
             FlightInAir(still_s * air.longer, still_j * air.longer * air.harder, air)
             for (from_s, _), air in self._met(step)
-            if air is not None and from_s <= step.start_s + TIME_TOLERANCE_S
+            if air is not None and from_s <= step.start_s + time_tolerance_s(step.end_s)
         ]
         return min(
             flights,
@@ -170,14 +170,14 @@ class MovingAir:
         """
         if self._weather is None:
             return []
-        column = self._column(step, self._weather.segment)
+        column, allowed_s = self._column(step, self._weather.segment), time_tolerance_s(step.end_s)
         met: list[tuple[_Interval, AirOfFlight | None]] = []
         first = max(
-            bisect_left(self._ends_s, step.start_s - TIME_TOLERANCE_S),
+            bisect_left(self._ends_s, step.start_s - allowed_s),
             bisect_right(self._ends_s, 0.0),
         )
         for number, period in enumerate(self._periods[first:], start=first):
-            if step.end_s < period[0] - TIME_TOLERANCE_S:
+            if step.end_s < period[0] - allowed_s:
                 break
             air: AirOfFlight | None = STILL
             if column is not None and 0 < number < len(self._periods) - 1:
@@ -244,5 +244,5 @@ def _active_s(problem: Problem, zone: Zone) -> _Interval:
 
 def _meet(start_s: float, end_s: float, closed: _Interval) -> bool:
     """Whether a flight or landing meets a closed time by more than the tolerance."""
-    closed_from_s, closed_until_s = closed
-    return start_s < closed_until_s - TIME_TOLERANCE_S and end_s > closed_from_s + TIME_TOLERANCE_S
+    allowed_s = time_tolerance_s(end_s)
+    return start_s < closed[1] - allowed_s and end_s > closed[0] + allowed_s

@@ -9,6 +9,7 @@ import numpy as np
 from skyway.ids import StationId
 from skyway.network.network import Network
 from skyway.planner.pad_book import PadBook, Taken, booked_from_ms, booked_until_ms
+from skyway.units import time_tolerance_s
 
 _MS_PER_S = 1000
 
@@ -57,7 +58,7 @@ class PadCalendar:
             start_s = max(window.start_s, not_before_s)
             if best is not None and window.start_s > best.start_s:
                 break
-            if start_s + duration_s > window.end_s:
+            if start_s + duration_s > window.end_s + time_tolerance_s(window.end_s) / 2:
                 continue
             if best is None or (start_s, window.pad) < (best.start_s, best.pad):
                 best = Session(window.pad, start_s)

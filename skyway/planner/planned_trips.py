@@ -164,12 +164,11 @@ class PlannedTrips:
             soc=float(trips.soc[trip]),
             station_id=ids[trips.start_row[trip]],
         )
-        is_on_board = bool(trips.are_on_board[trip])
         start_at = pattern.start_at
         fields = {
             "start_at": None if start_at is None else start_at + timedelta(seconds=start_s),
             "drone": drone,
-            "are_on_board": is_on_board,
+            "are_on_board": bool(trips.are_on_board[trip]),
             "source": ids[trips.source_row[trip]],
             "packages": packages,
             "closures": tuple(
@@ -181,7 +180,6 @@ class PlannedTrips:
                 )
                 for each in pattern.closures
             ),
-            "loading_s": 0.0 if is_on_board else pattern.loading_s,
             "latest_delivery_s": _limit_s(trips.latest_delivery_s[trip], start_s),
             "pickup_not_before_s": _limit_s(trips.pickup_not_before_s[trip], start_s),
             "pickup_latest_s": _limit_s(trips.pickup_latest_s[trip], start_s),

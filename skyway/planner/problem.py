@@ -113,8 +113,8 @@ class Problem(JsonModel):
     are_on_board: Annotated[
         bool,
         Field(
-            description="Whether the packages are on board already, so that loading needs no open "
-            "station."
+            description="Whether the packages are on board already, so that loading takes no time, "
+            "and needs no open station and no window."
         ),
     ] = False
     source: Annotated[StationId, Field(description="The station where the packages are picked up.")]
@@ -172,11 +172,18 @@ class Problem(JsonModel):
         return self.drone.station_id or self.source
 
     @property
+    def loading(self) -> TimedAct:
+        """Loading at the source; packages on board need no time for it, and have no window."""
+        if self.are_on_board:
+            return TimedAct(None, None, 0.0)
+        return TimedAct(self.pickup_not_before_s, self.pickup_latest_s, self.loading_s)
+
+    @property
     def has_windows(self) -> bool:
         """Whether loading or some hand-over has a window."""
         return (
-            self.pickup_not_before_s is not None
-            or self.pickup_latest_s is not None
+            self.loading.not_before_s is not None
+            or self.loading.latest_s is not None
             or any(
                 one.not_before_s is not None or one.latest_s is not None for one in self.packages
             )
@@ -213,6 +220,6 @@ class Problem(JsonModel):
             yield from self.weather.faults
         yield from window_faults(
             self.packages,
-            loading=TimedAct(self.pickup_not_before_s, self.pickup_latest_s, self.loading_s),
+            loading=self.loading,
             dropoff_s=self.dropoff_s,
         )

@@ -20,7 +20,7 @@ from skyway.planner.obstacles import (
 )
 from skyway.planner.plan_columns import lengths_flown, pad_clashes
 from skyway.planner.problem import Problem
-from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, TIME_TOLERANCE_S
+from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, TIME_TOLERANCE_S, time_tolerance_s
 
 if TYPE_CHECKING:
     from skyway.planner.pad_book import PadBook
@@ -131,10 +131,12 @@ class Replay:
             self._note("pickup", "packages are picked up once, at the source")
         if sorted(step.package_ids) != sorted(self._undelivered):
             self._note("pickup", "not exactly all packages are picked up")
-        self._check_duration(step, self._problem.loading_s)
         problem = self._problem
-        self._check_window(step, problem.pickup_not_before_s, problem.pickup_latest_s)
-        if not problem.are_on_board:
+        if problem.are_on_board:
+            self._check_duration(step, 0.0)
+        else:
+            self._check_duration(step, problem.loading_s)
+            self._check_window(step, problem.pickup_not_before_s, problem.pickup_latest_s)
             self._check_hours(step)
         limit_kg = self._model.max_payload_kg
         if self._load_kg > limit_kg + LOAD_TOLERANCE_KG:
@@ -284,8 +286,3 @@ class Replay:
 
     def _note_of_plan(self, rule: str, detail: str) -> None:
         self.violations.append(Violation(None, rule, detail))
-
-
-def time_tolerance_s(moment_s: float) -> float:
-    """The tolerance of moments of this size; after some decades floats lose microseconds."""
-    return TIME_TOLERANCE_S + 4 * math.ulp(moment_s)

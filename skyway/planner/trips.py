@@ -29,7 +29,7 @@ class Trips:
         ``(n,)``: where the packages are.
     are_on_board
         ``(n,)`` bool: whether the drone has the packages; then loading takes no time, and needs no
-        open station.
+        open station and no window.
     pickup_not_before_s, pickup_latest_s, latest_delivery_s
         ``(n,)``, infinite without a limit. The search of a trip that cannot deliver by its latest
         moment ends quickly. So a caller that looks for a better trip sets the moment to beat.

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from skyway.delivery.plan import Deliver, Fly, Plan, PlanStatus, Recharge, Step, Wait
 from skyway.errors import SkywayError
 from skyway.planner.problem import Problem
-from skyway.planner.replay import Replay, Violation, time_tolerance_s
-from skyway.units import TIME_TOLERANCE_S
+from skyway.planner.replay import Replay, Violation
+from skyway.units import TIME_TOLERANCE_S, time_tolerance_s
 
 if TYPE_CHECKING:
     from skyway.planner.pad_book import PadBook
@@ -121,7 +121,7 @@ def _of_sums(problem: Problem, plan: Plan) -> Iterator[Violation]:
         ):
             yield Violation(None, name, f"{stated} instead of {value}")
     latest_s = problem.latest_delivery_s
-    if latest_s is not None and end_s > latest_s + TIME_TOLERANCE_S:
+    if latest_s is not None and end_s > latest_s + time_tolerance_s(end_s):
         yield Violation(None, "latest_delivery_s", f"{end_s} is after {latest_s}")
     yield from _of_status(plan, end_s)
 

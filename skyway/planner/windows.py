@@ -13,10 +13,7 @@ from dataclasses import dataclass, field, replace
 from skyway.ids import StationId
 from skyway.planner.closures import Interval, open_hours_s
 from skyway.planner.problem import Problem
-from skyway.units import TIME_TOLERANCE_S
-
-#: Moments closer than this are equal, seconds.
-_SAME_S = TIME_TOLERANCE_S / 2
+from skyway.units import time_tolerance_s
 
 _ALWAYS: Interval = (-math.inf, math.inf)
 
@@ -63,7 +60,11 @@ class Windows:
             (max(from_s, opens_s), min(until_s, closes_s))
             for opens_s, closes_s in self.open_starts.get(station_id, (_ALWAYS,))
         )
-        return tuple((from_s, until_s) for from_s, until_s in both if from_s <= until_s + _SAME_S)
+        return tuple(
+            (from_s, until_s)
+            for from_s, until_s in both
+            if from_s <= until_s + time_tolerance_s(until_s) / 2
+        )
 
     def opened(self) -> "Windows":
         """The same problem as if every window were always open, within the opening hours."""
@@ -87,10 +88,11 @@ def _limits(problem: Problem, station_id: StationId) -> Interval:
     from_s, until_s = _ALWAYS
     takes_s = _takes_s(problem, station_id)
     if station_id == problem.source:
-        if problem.pickup_not_before_s is not None:
-            from_s = problem.pickup_not_before_s
-        if problem.pickup_latest_s is not None:
-            until_s = problem.pickup_latest_s - problem.loading_s
+        loading = problem.loading
+        if loading.not_before_s is not None:
+            from_s = loading.not_before_s
+        if loading.latest_s is not None:
+            until_s = loading.latest_s - loading.takes_s
     for package in problem.packages:
         if package.destination != station_id:
             continue
@@ -114,4 +116,4 @@ def _takes_s(problem: Problem, station_id: StationId) -> float:
     if station_id != problem.source:
         return problem.dropoff_s
     has_own = any(one.destination == station_id for one in problem.packages)
-    return problem.loading_s + (problem.dropoff_s if has_own else 0.0)
+    return problem.loading.takes_s + (problem.dropoff_s if has_own else 0.0)

@@ -5,9 +5,13 @@ import numpy as np
 from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.memory import NONE
 from skyway.planner.kernels.records import Closed, Search
+from skyway.units import TIME_TOLERANCE_S, TIME_TOLERANCE_SHARE
 
-# A drone may leave this many seconds early because a sum of floats fell short of a closure's end.
-_ROUNDING_S = 1e-9
+
+@kernel
+def slack_s(moment_s: float) -> float:
+    """Moments closer than this are equal in a search: half of `skyway.units.time_tolerance_s`."""
+    return (TIME_TOLERANCE_S + TIME_TOLERANCE_SHARE * abs(moment_s)) / 2.0
 
 
 @kernel
@@ -39,31 +43,27 @@ def is_closed_for_good(closed: Closed, key: int) -> bool:
 def open_again_s(closed: Closed, key: int, start_s: float, duration_s: float) -> float:
     """`start_s` if the time from then on meets no closure, else the end of that closure."""
     first, end = closures_of(closed, key)
+    over_s = start_s + duration_s
+    same_s = slack_s(over_s)
+    # A landing that takes no time is a moment, and a closure covers its own first moment.
+    begun_s = over_s - same_s if duration_s > 0.0 else over_s + same_s
     for index in range(first, end):
-        from_s, until_s = closed.start_s[index], closed.end_s[index]
-        # A landing that takes no time is a moment, and a closure may cover a moment too.
-        meets = from_s < start_s + duration_s or from_s == start_s
-        if meets and start_s < until_s - _ROUNDING_S:
-            return until_s
+        if closed.start_s[index] < begun_s and start_s < closed.end_s[index] - same_s:
+            return closed.end_s[index]
     return start_s
 
 
 @kernel
-def closes_next_s(closed: Closed, key: int, start_s: float) -> float:
-    """The start of the first closure that has not begun at this moment; inf without one."""
+def _begins_latest_s(closed: Closed, key: int, start_s: float, duration_s: float) -> float:
+    """The last moment to begin before the next closure; `start_s` meets none."""
     first, end = closures_of(closed, key)
-    soonest_s = np.inf
+    closes_s = np.inf
     for index in range(first, end):
-        if closed.start_s[index] >= start_s and closed.start_s[index] < soonest_s:
-            soonest_s = closed.start_s[index]
-    return soonest_s
-
-
-@kernel
-def just_after_s(leave_at_s: float, flight_s: float) -> float:
-    """The next moment at which the end of the flight is later too, despite rounding."""
-    end_s = leave_at_s + flight_s
-    return leave_at_s + max(_ROUNDING_S, 4.0 * (np.nextafter(end_s, np.inf) - end_s))
+        if closed.end_s[index] - slack_s(start_s) > start_s:
+            closes_s = min(closes_s, closed.start_s[index])
+    if duration_s > 0.0 or closes_s == np.inf:
+        return closes_s - duration_s
+    return closes_s - 2.0 * slack_s(closes_s)
 
 
 @kernel
@@ -88,7 +88,7 @@ def leave_s(
             landed_s = at_s + flight_s
             open_s = open_again_s(closed, landing, landed_s, stop_s)
             if open_s > landed_s:
-                later_s = max(open_s - flight_s, just_after_s(at_s, flight_s))
+                later_s = open_s - flight_s
         if later_s == at_s:
             return at_s
         at_s = later_s
@@ -102,10 +102,10 @@ def leave_latest_s(
     """The last moment to leave without meeting the next closure; the given moment meets none."""
     latest_s = np.inf
     if segment >= 0:
-        latest_s = closes_next_s(closed, segment, leave_at_s) - flight_s
+        latest_s = _begins_latest_s(closed, segment, leave_at_s, flight_s)
     if landing >= 0:
         landed_s = leave_at_s + flight_s
-        latest_s = min(latest_s, closes_next_s(closed, landing, landed_s) - stop_s - flight_s)
+        latest_s = min(latest_s, _begins_latest_s(closed, landing, landed_s, stop_s) - flight_s)
     return max(latest_s, leave_at_s)
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skyway.planner.kernels.charging import Charge, after_raising, after_staying, until_left
-from skyway.planner.kernels.closures import just_after_s, leave_latest_s, leave_s
+from skyway.planner.kernels.closures import leave_latest_s, leave_s, slack_s
 from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.hand_overs import pick_up_or_hand_over
 from skyway.planner.kernels.labels import (
@@ -15,6 +15,7 @@ from skyway.planner.kernels.labels import (
     enqueue,
     note,
     note_goal,
+    ready_s,
 )
 from skyway.planner.kernels.landings import fly_over
 from skyway.planner.kernels.memory import (
@@ -27,11 +28,9 @@ from skyway.planner.kernels.memory import (
     NEW,
     NONE,
     OUTWARD,
-    POSITION,
     STATE,
     STATE_MASK,
     STATE_PLACE,
-    TIME,
     USED,
     Memory,
     int64,
@@ -39,7 +38,7 @@ from skyway.planner.kernels.memory import (
 from skyway.planner.kernels.places import arcs_of, detours_after, is_detour
 from skyway.planner.kernels.records import Search, Task
 from skyway.planner.kernels.states import fetch_states, state_of
-from skyway.planner.kernels.weather import Departures, air_of, has_weather, period_at
+from skyway.planner.kernels.weather import Departures, air_of, first_period, has_weather
 
 # The labels of a larger search do not fit into the processor's own caches.
 _FAR_LABELS = 1 << 14
@@ -75,7 +74,7 @@ def expand(search: Search, label: int, period: int) -> bool:
         return False
     from_period = period
     if has_weather(search.skyway) and not is_new:
-        from_period = period_at(search.skyway, memory.label[label, TIME])
+        from_period = first_period(search, label)
     detours = detours_after(search, label)
     if memory.counts[LABELS] >= _FAR_LABELS:
         fetch_states(memory, mask, first, memory.arc_count[place, OUTWARD], detours)
@@ -112,15 +111,15 @@ def _fly(search: Search, label: int, mask: int, arc: int, period: int, from_peri
     charge = after_raising(task, charge_of(memory, label), need_j)
     if charge.position < 0.0:
         return True
-    ready_s = row[TIME] + charge.position - row[POSITION]
-    if closed.keys.size == 0 and air.until_s == np.inf and air.from_s <= ready_s:
+    soonest_s = ready_s(memory, label, charge)
+    if closed.keys.size == 0 and air.until_s == np.inf and air.from_s <= soonest_s:
         return _arrive(
             search,
             label,
             mask,
             arc,
             end,
-            ready_s + flight_s,
+            soonest_s + flight_s,
             charge,
             used_j,
             row[LATEST] + flight_s,
@@ -129,17 +128,18 @@ def _fly(search: Search, label: int, mask: int, arc: int, period: int, from_peri
         )
     segment = memory.arc_segment[arc]
     landing = closed.first_station_key + memory.row[end.place] if has_hand_over else NONE
-    leave_at_s = max(ready_s, air.from_s)
+    leave_at_s = max(soonest_s, air.from_s)
     while True:
         leave_at_s = leave_s(closed, segment, landing, leave_at_s, flight_s, task.stop_s)
-        if leave_at_s > min(row[LATEST], air.until_s) or leave_at_s == np.inf:
+        same_s = slack_s(leave_at_s + flight_s + task.stop_s)
+        if leave_at_s > min(row[LATEST], air.until_s) + same_s or leave_at_s == np.inf:
             return True
         closes_s = leave_latest_s(closed, segment, landing, leave_at_s, flight_s, task.stop_s)
         latest_s = min(closes_s, air.until_s)
-        stayed = after_staying(task, charge, leave_at_s - ready_s)
+        stayed = after_staying(task, charge, leave_at_s - soonest_s)
         arrival_s, latest_arrival_s = leave_at_s + flight_s, min(row[LATEST], latest_s) + flight_s
         limited = until_left(task, stayed, latest_s - leave_at_s)
-        not_before_s = leave_at_s if leave_at_s > ready_s else -np.inf
+        not_before_s = leave_at_s if leave_at_s > soonest_s else -np.inf
         if not _arrive(
             search,
             label,
@@ -159,7 +159,7 @@ def _fly(search: Search, label: int, mask: int, arc: int, period: int, from_peri
         # is over.
         if closes_s >= air.until_s or (has_hand_over and stayed.position >= charge.last_position):
             return True
-        leave_at_s = just_after_s(closes_s, flight_s + task.stop_s)
+        leave_at_s = closes_s + 2.0 * same_s
 
 
 @kernel

@@ -16,13 +16,13 @@ from skyway.planner.kernels.labels import (
     enqueue,
     note,
     note_goal,
+    ready_s,
 )
 from skyway.planner.kernels.memory import (
     FIRST_ON_GROUND,
     FLOWN,
     KIND,
     NONE,
-    POSITION,
     STAYED,
     TIME,
     USED,
@@ -62,15 +62,15 @@ def pick_up_or_hand_over(search: Search, label: int, place: int, mask: int) -> b
     charge = after_raising(task, charge_of(memory, label), need_j)
     if charge.position < 0.0:
         return True
-    ready_s = memory.label[label, TIME] + charge.position - memory.label[label, POSITION]
+    soonest_s = ready_s(memory, label, charge)
     takes_s = task.loading_s if act == count else task.dropoff_s
     for window in range(task.start_offsets[act], task.start_offsets[act + 1]):
         from_s, until_s = task.start_from_s[window], task.start_until_s[window]
-        start_s = max(ready_s, from_s)
+        start_s = max(soonest_s, from_s)
         if start_s > until_s:
             continue
         # While the drone waits it may stay longer on the pad before, but not past the window.
-        stayed = charge if is_last else after_staying(task, charge, start_s - ready_s)
+        stayed = charge if is_last else after_staying(task, charge, start_s - soonest_s)
         limited = until_left(task, stayed, until_s - start_s)
         done = note(
             memory,

@@ -8,6 +8,7 @@ and in the air: a drone on the ground can do all that a drone in the air can, an
 import numpy as np
 
 from skyway.planner.kernels.charging import Charge, after_staying
+from skyway.planner.kernels.closures import slack_s
 from skyway.planner.kernels.compiler import fetch_soon, kernel
 from skyway.planner.kernels.dominance import SAME_S, dominates
 from skyway.planner.kernels.memory import (
@@ -60,6 +61,14 @@ def charge_of(memory: Memory, label: int) -> Charge:
     """The charge with which the drone leaves the last pad, and the most it may leave with."""
     row = memory.label[label]
     return Charge(row[POSITION], row[LEVEL], row[LAST_POSITION], row[LAST_LEVEL])
+
+
+@kernel
+def ready_s(memory: Memory, label: int, charge: Charge) -> float:
+    """When a drone is here that leaves the last pad with this charge."""
+    row = memory.label[label]
+    # The difference comes first: without a longer stay it is exactly 0.
+    return row[TIME] + (charge.position - row[POSITION])
 
 
 @kernel
@@ -154,7 +163,8 @@ def enqueue_later(task: Task, memory: Memory, label: int, leave_s: float) -> boo
     """
     row = memory.label[label]
     state = memory.link[label, STATE]
-    if leave_s > row[LATEST]:
+    leave_s = max(leave_s, row[TIME])
+    if leave_s > row[LATEST] + slack_s(leave_s):
         return False
     stayed = after_staying(task, charge_of(memory, label), leave_s - row[TIME])
     left_s = still_s(task, memory, state, stayed.level - row[USED])

@@ -4,10 +4,10 @@ import numpy as np
 
 from skyway.planner.kernels.charging import Charge, after_raising, after_staying, until_left
 from skyway.planner.kernels.closures import (
-    just_after_s,
     lands_for_free,
     leave_latest_s,
     leave_s,
+    slack_s,
 )
 from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.hand_overs import act_at
@@ -17,6 +17,7 @@ from skyway.planner.kernels.labels import (
     enlist,
     enqueue,
     note,
+    ready_s,
 )
 from skyway.planner.kernels.memory import (
     FIRST_IN_AIR,
@@ -27,7 +28,6 @@ from skyway.planner.kernels.memory import (
     LANDED,
     LATEST,
     NONE,
-    POSITION,
     STATE,
     STATE_MASK,
     STATE_PLACE,
@@ -97,7 +97,7 @@ def _land(search: Search, label: int, place: int, mask: int, state: int) -> bool
     charge = after_raising(task, charge_of(memory, label), task.reserve_j + used_j)
     if charge.position < 0.0:
         return True
-    ready_s = row[TIME] + charge.position - row[POSITION]
+    soonest_s = ready_s(memory, label, charge)
     landing = closed.first_station_key + memory.row[place]
     may_be_closed = closed.keys.size > 0
     must_enlist = (
@@ -105,17 +105,17 @@ def _land(search: Search, label: int, place: int, mask: int, state: int) -> bool
         or has_weather(search.skyway)
         or (task.may_pass and act_at(task, memory, place, mask) >= 0)
     )
-    touch_s = ready_s
+    touch_s = soonest_s
     while True:
         latest_s = np.inf
         if may_be_closed:
             touch_s = leave_s(closed, NONE, landing, touch_s, 0.0, task.stop_s)
-            if touch_s > row[LATEST] or touch_s == np.inf:
+            if touch_s > row[LATEST] + slack_s(touch_s) or touch_s == np.inf:
                 return True
             latest_s = leave_latest_s(closed, NONE, landing, touch_s, 0.0, task.stop_s)
-        stayed = after_staying(task, charge, touch_s - ready_s)
+        stayed = after_staying(task, charge, touch_s - soonest_s)
         limited = until_left(task, stayed, latest_s - touch_s)
-        not_before_s = touch_s if touch_s > ready_s else -np.inf
+        not_before_s = touch_s if touch_s > soonest_s else -np.inf
         landed = note(
             memory,
             label,
@@ -138,4 +138,4 @@ def _land(search: Search, label: int, place: int, mask: int, state: int) -> bool
             enqueue(task, memory, landed)
         if stayed.position >= charge.last_position or latest_s == np.inf:
             return True
-        touch_s = just_after_s(latest_s, task.stop_s)
+        touch_s = latest_s + 2.0 * slack_s(latest_s + task.stop_s)

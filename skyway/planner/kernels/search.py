@@ -30,7 +30,6 @@ from skyway.planner.kernels.memory import (
     SESSION,
     START,
     STATE,
-    TIME,
     USED,
     WITH_PERIOD,
     Memory,
@@ -41,7 +40,7 @@ from skyway.planner.kernels.queue import pop, push
 from skyway.planner.kernels.records import Book, Closed, Search, Skyway, Task
 from skyway.planner.kernels.sessions import enter_next_sessions
 from skyway.planner.kernels.states import state_of, still_s
-from skyway.planner.kernels.weather import has_weather, period_at
+from skyway.planner.kernels.weather import first_period, has_weather
 
 # How a run ended.
 PROVEN = 0
@@ -133,7 +132,7 @@ def run_search(search: Search, most_labels: int) -> int:
         elif not task.recharges_fully and task.levels == 0:
             enter_next_sessions(task, memory, label)
         if is_alive and in_weather and memory.link[label, ALIVE] == NEW:
-            period = period_at(search.skyway, memory.label[label, TIME])
+            period = first_period(search, label)
         if is_alive and memory.counts[FULL] == 0:
             expand(search, label, period)
         if memory.counts[FULL] != 0:

@@ -15,6 +15,7 @@ from skyway.planner.kernels.charging import (
     position_of,
     worth_staying_s,
 )
+from skyway.planner.kernels.closures import slack_s
 from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.labels import (
     DOMINATED,
@@ -208,7 +209,8 @@ def _enter_full(task: Task, memory: Memory, label: int, place: int, state: int) 
             if memory.window_s[window, 0] >= soonest_s:
                 break
             continue
-        if start_s + duration_s <= memory.window_s[window, 1]:
+        free_until_s = memory.window_s[window, 1]
+        if start_s + duration_s <= free_until_s + slack_s(free_until_s):
             soonest_s = start_s
             chosen = window
     if chosen < 0:

@@ -6,14 +6,11 @@ import numpy as np
 
 from skyway.drone.flight import MASS_EXPONENT
 from skyway.planner.kernels.bounds import fill_floors, fill_orders
+from skyway.planner.kernels.closures import slack_s
 from skyway.planner.kernels.compiler import array_kernel
 from skyway.planner.kernels.handles import task_handle
 from skyway.planner.kernels.memory import Floats, Ints, Longs, int64
 from skyway.planner.kernels.records import Task, Terms, TripRows
-from skyway.units import TIME_TOLERANCE_S
-
-# Seconds by which the search may miss a window, and within which two moments are equal.
-_TOLERANCE_S = TIME_TOLERANCE_S / 2
 
 
 class Drops(NamedTuple):
@@ -41,8 +38,10 @@ def drops_of(terms: Terms, trips: TripRows, trip: int) -> Drops:
     row, mass_kg = np.empty(end - first, np.int32), np.zeros(end - first)
     from_s, until_s = np.full(end - first + 1, -np.inf), np.full(end - first + 1, np.inf)
     source = trips.source[trip]
-    loading_s = 0.0 if trips.on_board[trip] else terms.loading_s
-    own_from_s, own_until_s = trips.pickup_from_s[trip], trips.pickup_until_s[trip] - loading_s
+    loading_s, own_from_s, own_until_s = 0.0, -np.inf, np.inf
+    if not trips.on_board[trip]:
+        loading_s, own_from_s = terms.loading_s, trips.pickup_from_s[trip]
+        own_until_s = trips.pickup_until_s[trip] - loading_s
     may_pass = own_from_s > -np.inf or own_until_s < np.inf or terms.has_hours[source]
     has_own = False
     load_kg = 0.0
@@ -167,7 +166,7 @@ def task_of_trip(
             stop_j,
             loading_s,
             terms.dropoff_s,
-            trips.latest_s[trip] + TIME_TOLERANCE_S,
+            trips.latest_s[trip] + slack_s(trips.latest_s[trip]),
             terms.recharges_fully,
             True,
             compares_masks,
@@ -232,9 +231,10 @@ def _starts(
             if has_hours:
                 one_s = max(one_s, terms.open_from_s[span])
                 other_s = min(other_s, terms.open_until_s[span] - takes_s)
-            if one_s <= other_s + _TOLERANCE_S:
+            other_s += slack_s(other_s)
+            if one_s <= other_s:
                 from_s[used] = one_s
-                until_s[used] = other_s + _TOLERANCE_S
+                until_s[used] = other_s
                 used += 1
         offsets[act + 1] = used
     return offsets, from_s[:used], until_s[:used]

@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from skyway.planner.kernels.closures import slack_s
 from skyway.planner.kernels.compiler import kernel
-from skyway.planner.kernels.memory import NONE, int64
-from skyway.planner.kernels.records import Skyway
+from skyway.planner.kernels.memory import NONE, TIME, int64
+from skyway.planner.kernels.records import Search, Skyway
 
 
 class Departures(NamedTuple):
@@ -32,6 +33,13 @@ def has_weather(skyway: Skyway) -> bool:
 def period_at(skyway: Skyway, at_s: float) -> int:
     """The number of the period that holds this moment."""
     return int64(np.searchsorted(skyway.edges_s, at_s, side="right"))
+
+
+@kernel
+def first_period(search: Search, label: int) -> int:
+    """The first period in which a drone of this label may leave; periods touch one another."""
+    at_s = search.memory.label[label, TIME]
+    return period_at(search.skyway, max(at_s - slack_s(at_s), search.task.begin_s))
 
 
 @kernel

@@ -27,7 +27,7 @@ from skyway.planner.problem import Problem
 from skyway.planner.stop import OutOfTime
 from skyway.planner.trip_terms import TripTerms
 from skyway.planner.trips import Trips
-from skyway.planner.verify import PlanRejected
+from skyway.planner.verify import PlanRejected, verify
 from tests.library.planner.oracles.instances import (
     make_busy_problem,
     make_problem,
@@ -37,6 +37,7 @@ from tests.library.planner.oracles.instances import (
     make_stormy_problem,
     make_windowed_problem,
 )
+from tests.library.planner.oracles.touching import make_touching_problem
 
 _OUTCOME_OF = {
     None: TripOutcome.PROVEN,
@@ -105,6 +106,7 @@ def trips_of(problem: Problem, *, begins_s: float, count: int = 1) -> Trips:
         make_problem_with_powers,
         make_problem_with_connectors,
         make_stormy_problem,
+        make_touching_problem,
     ],
 )
 def test_a_trip_ends_when_the_plan_of_its_problem_ends(
@@ -119,6 +121,25 @@ def test_a_trip_ends_when_the_plan_of_its_problem_ends(
 
         disagreement = differs(problem, planned, begins_s)
         assert disagreement is None, (seed, disagreement)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_packages_on_board_are_not_loaded_and_have_no_pickup_window(seed: int) -> None:
+    made = {"label_limit": None, "time_limit_s": None, "strategy": "exact", "are_on_board": True}
+    window = {"pickup_not_before_s": 500.0, "pickup_latest_s": 800.0, "loading_s": 60.0}
+    problem = make_windowed_problem(seed, **made, **window)
+    none = dict.fromkeys(["pickup_not_before_s", "pickup_latest_s"])
+    unloaded = make_windowed_problem(seed, **made, **none, loading_s=0.0)
+
+    plan = compose(problem)
+    planned = compose_many(
+        trips_of(problem, begins_s=7_200.0), ledger_of(problem, begins_s=7_200.0)
+    )
+
+    expected = compose(unloaded)
+    assert (plan.steps, plan.infeasibility) == (expected.steps, expected.infeasibility)
+    assert verify(unloaded, plan) == verify(problem, expected) == ()
+    assert differs(unloaded, planned, 7_200.0) is None
 
 
 def differs(problem: Problem, planned: PlannedTrips, begins_s: float) -> str | None:
