@@ -7,6 +7,9 @@ from pydantic_core.core_schema import ErrorType
 
 from skyway.bounds import NO_MOMENT
 
+#: The kind of our own complaint about a body that is not JSON.
+BROKEN_JSON: Final = "broken_json"
+
 #: Each sentence, and the kinds of pydantic's errors for which it stands.
 _SENTENCES: Final = {
     "is missing": ("missing", "missing_argument", "missing_keyword_only_argument"),

@@ -133,7 +133,7 @@ def _parse(url: str) -> httpx.URL:
     except (httpx.InvalidURL, ValueError) as error:
         raise ForbiddenTarget(f"not a URL: {error}") from error
     if parsed.scheme not in _DEFAULT_PORTS:
-        raise ForbiddenTarget(f"must begin with http:// or https://, not {parsed.scheme!r}")
+        raise ForbiddenTarget("must begin with http:// or https://")
     if not host:
         raise ForbiddenTarget("names no host")
     if parsed.userinfo:

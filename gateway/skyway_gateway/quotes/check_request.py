@@ -14,6 +14,7 @@ from typing import Any, Final, TypeVar
 
 from skyway.announced_networks import CachedNetworks
 from skyway.contracts.candidate import PayloadLimit, PayloadLimitQuery, ProviderReason
+from skyway.contracts.message import utc_text
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.delivery.qos import ProviderChoice
 from skyway.delivery.request import DeliveryRequest
@@ -166,22 +167,24 @@ class RequestChecks:
         now, deadline_at = self.clock.now(), request.qos.deadline_at
         if deadline_at is not None and deadline_at <= now:
             raise InvalidInput(
-                "qos.deadline_at", f"{deadline_at} is in the past: fleet time is {now}"
+                "qos.deadline_at",
+                f"{utc_text(deadline_at)} is in the past: fleet time is {utc_text(now)}",
             )
         pickup_at = request.earliest_pickup_at
         earliest = now - _PAST_PICKUP * self.clock.rate
         if request.latest_pickup_at is None and (pickup_at or now) < earliest:
-            detail = f"{pickup_at} is in the past: fleet time is {now}"
+            detail = f"{utc_text(pickup_at or now)} is in the past: fleet time is {utc_text(now)}"
             raise InvalidInput("earliest_pickup_at", detail)
         for field, moment, furthest in (
             ("qos.deadline_at", deadline_at, _LONGEST_AHEAD),
             ("earliest_pickup_at", pickup_at, _FURTHEST_PICKUP),
         ):
             if moment is not None and moment > now + furthest:
-                detail = f"{moment} is later than the limit of {now + furthest}"
+                detail = f"{utc_text(moment)} is later than the limit of {utc_text(now + furthest)}"
                 raise InvalidInput(field, f"{detail}, {furthest.days} days ahead")
         if deadline_at is not None and (pickup_at or now) >= deadline_at:
-            raise InvalidInput("earliest_pickup_at", f"must be before the deadline {deadline_at}")
+            detail = f"must be before the deadline {utc_text(deadline_at)}"
+            raise InvalidInput("earliest_pickup_at", detail)
 
     async def _check_stations(self, request: DeliveryRequest) -> Position:
         pickup, named = request.pickup.station_id, _stations_by_field(request)

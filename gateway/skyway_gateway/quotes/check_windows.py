@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from datetime import datetime, timedelta
 from typing import Final, NamedTuple
 
+from skyway.contracts.message import utc_text
 from skyway.delivery.request import DeliveryRequest, Package
 from skyway.errors import InvalidInput
 
@@ -46,11 +47,11 @@ def check_windows(
             and window.first_at is not None
             and window.first_at > deadline_at
         ):
-            detail = f"{window.first_at} is {window.first_at - deadline_at} after the deadline"
-            raise InvalidInput(window.first_field, f"{detail} {deadline_at}")
+            detail = f"{utc_text(window.first_at)} is after the deadline {utc_text(deadline_at)}"
+            raise InvalidInput(window.first_field, detail)
         if pickup_at is not None and window.last_at is not None and window.last_at < pickup_at:
-            detail = f"{window.last_at} is {pickup_at - window.last_at} before earliest_pickup_at"
-            raise InvalidInput(window.last_field, f"{detail} {pickup_at}")
+            detail = f"{utc_text(window.last_at)} is before earliest_pickup_at"
+            raise InvalidInput(window.last_field, f"{detail} {utc_text(pickup_at)}")
     _check_shared_destinations(request)
 
 
@@ -75,18 +76,18 @@ def _windows(request: DeliveryRequest, loading_s: float, dropoff_s: float) -> It
 
 def _check_alone(window: _Window, *, now: datetime) -> None:
     if window.last_at is not None and window.last_at <= now:
-        detail = f"{window.last_at} is {now - window.last_at} in the past: fleet time is {now}"
+        detail = f"{utc_text(window.last_at)} is in the past: fleet time is {utc_text(now)}"
         raise InvalidInput(window.last_field, detail)
     for field, moment in (
         (window.first_field, window.first_at),
         (window.last_field, window.last_at),
     ):
         if moment is not None and moment > now + _FURTHEST:
-            detail = f"{moment} is later than the limit of {now + _FURTHEST}"
+            detail = f"{utc_text(moment)} is later than the limit of {utc_text(now + _FURTHEST)}"
             raise InvalidInput(field, f"{detail}, {_FURTHEST.days} days ahead")
     first_at, last_at = window.first_at, window.last_at
     if first_at is not None and last_at is not None and last_at < first_at:
-        detail = f"{last_at} is {first_at - last_at} before {window.first_field} {first_at}"
+        detail = f"{utc_text(last_at)} is before {window.first_field} {utc_text(first_at)}"
         raise InvalidInput(window.last_field, detail)
     if first_at is not None and last_at is not None:
         room_s = (last_at - first_at).total_seconds()

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from skyway.announced_networks import CachedNetworks
 from skyway.contracts.candidate import CandidateQuery
+from skyway.contracts.message import utc_text
 from skyway.contracts.quote import HoldTerms, OfferTerms, QuoteAnswer, QuoteQuery
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
@@ -202,7 +203,7 @@ class QuoteMaker:
             raise InvalidInput(
                 "hold",
                 f"offers are held only for pickups within the booking horizon of {hours:g} hours; "
-                f"earliest_pickup_at is {pickup_at}",
+                f"earliest_pickup_at is {utc_text(pickup_at)}",
             )
         return HoldTerms(
             hold_id=HoldId(self.mint("hld")),

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.routing import compile_path
 
-from skyway.complaints import sentence_of
+from skyway.complaints import BROKEN_JSON, sentence_of
 from skyway.contracts.problem_details import (
     PROBLEM_MEDIA_TYPE,
     FieldProblem,
@@ -164,7 +164,7 @@ async def _on_invalid_request(_request: Request, error: Exception) -> Response:
     complaints = error.errors() if isinstance(error, RequestValidationError) else []
     body = error.body if isinstance(error, RequestValidationError) else None
     errors = _field_problems(complaints, body)
-    is_broken = any(complaint["type"] == "json_invalid" for complaint in complaints)
+    is_broken = any(each["type"] in (BROKEN_JSON, "json_invalid") for each in complaints)
     kind = _BROKEN_JSON if is_broken else _INVALID
     return problem_response(_problem(kind, _summary(errors), errors=() if is_broken else errors))
 
@@ -176,10 +176,14 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
         # FastAPI raises this when its JSON parser fails otherwise than by a JSONDecodeError.
         detail = "the text is not UTF-8, nests too deeply, or holds too long a number"
         return problem_response(_problem(_BROKEN_JSON, detail))
-    headers = dict(error.headers or {})
+    headers, detail = dict(error.headers or {}), error.detail
     if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
         headers["Allow"] = ", ".join(allowed_methods(request))
-    return problem_response(status_problem(error.status_code, error.detail), headers)
+        detail = f"{request.method} is no method of this path, which has {headers['Allow']}"
+    elif detail == HTTPStatus.NOT_FOUND.phrase:
+        path = _printable(request.url.path)[:_MAX_TEXT]
+        detail = f"no call has the path {path}; GET /openapi.json lists all"
+    return problem_response(status_problem(error.status_code, detail), headers)
 
 
 def allowed_methods(request: Request) -> list[str]:
@@ -229,12 +233,16 @@ def _field_problems(
     body: object,
 ) -> tuple[FieldProblem, ...]:
     """The invalid fields in the caller's own JSON, in the validator's order."""
+    places = [complaint["loc"] for complaint in complaints]
     problems = (
         FieldProblem(
             field=_field_name(complaint, body)[:_MAX_TEXT],
             detail=_printable(sentence_of(complaint))[:_MAX_TEXT],
         )
         for complaint in complaints[:_MAX_FIELD_PROBLEMS]
+        # A list is not too short because some of its items are wrong.
+        if complaint["type"] != "too_short"
+        or not any(each[:-1] == complaint["loc"] for each in places)
     )
     return tuple(dict.fromkeys(problems))
 

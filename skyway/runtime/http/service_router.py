@@ -24,6 +24,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import from_json
 from starlette.exceptions import HTTPException
 
+from skyway.complaints import BROKEN_JSON
 from skyway.json_model import STANDS_TWICE, Path, repeated_member
 from skyway.runtime.http.body_bounds import BodyBounds, BodyLimit, members_in
 
@@ -219,8 +220,12 @@ def _parsed_by_python(raw: bytes) -> Any:  # a JSON value of any type
         return json.loads(raw)
     except RecursionError as error:
         raise _complaint((), _TOO_DEEP, None) from error
+    except json.JSONDecodeError as error:
+        raise _broken(f"is not JSON at line {error.lineno}, column {error.colno}") from error
+    except UnicodeDecodeError as error:
+        raise _broken("the text is not UTF-8") from error
     except ValueError as error:
-        raise _broken(str(error)) from error
+        raise _broken("holds a number with too many digits") from error
 
 
 class InternalBody(Generic[M]):
@@ -334,5 +339,5 @@ def _complaint(path: Path, reason: str, body: object) -> RequestValidationError:
 
 
 def _broken(reason: str) -> RequestValidationError:
-    complaint = {"type": "json_invalid", "loc": ("body",), "msg": reason}
+    complaint = {"type": BROKEN_JSON, "loc": ("body",), "msg": reason}
     return RequestValidationError([complaint], body=None)

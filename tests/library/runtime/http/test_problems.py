@@ -110,10 +110,16 @@ async def test_the_answer_to_a_wrong_method_names_the_allowed_methods(
 
     assert_is_problem(answer, 405, "method-not-allowed")
     assert answer.headers["allow"] == "DELETE, GET, HEAD, POST"
+    assert answer.json()["detail"] == (
+        "PATCH is no method of this path, which has DELETE, GET, HEAD, POST"
+    )
 
 
 async def test_an_unknown_path_is_a_problem(
     client: httpx.AsyncClient, assert_is_problem: Callable[..., None]
 ) -> None:
-    assert_is_problem(await client.get("/nowhere"), 404, "not-found")
+    answer = await client.get("/nowhere")
+
+    assert_is_problem(answer, 404, "not-found")
+    assert answer.json()["detail"] == "no call has the path /nowhere; GET /openapi.json lists all"
     assert_is_problem(await client.get("/loads/"), 404, "not-found")
