@@ -45,7 +45,7 @@ def test_windows_that_can_be_met_pass() -> None:
             [{"not_before_at": at(15), "latest_at": at(14)}],
             {},
             "packages.0.latest_at",
-            "is 1:00:00 before packages.0.not_before_at",
+            "is before packages.0.not_before_at",
         ),
         (
             [{}, {"latest_at": at(11)}],
