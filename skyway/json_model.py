@@ -16,15 +16,14 @@ _ALL_FAULTS_OF: Final = 100
 #: Types for which no other type of JSON may stand: "5" and true are no numbers, 1 is not true.
 _STRICT: Final = ("bool", "float")
 
-
 #: The names and numbers that lead to a member.
 Path = tuple[str | int, ...]
 
 #: What is wrong with a member that stands twice.
 STANDS_TWICE: Final = "stands twice in one object"
 
-#: A text in JSON without backslashes, and the colon after it if it is a name.
-_TEXTS: Final = re.compile(rb'"([^"]*)"(\s*:)?')
+#: The name of a member in JSON without backslashes.
+_NAMES: Final = re.compile(rb'"([^"]*)"\s*:')
 
 
 def _whole(value: Any) -> Any:  # any JSON value
@@ -43,6 +42,8 @@ def _tighten(schema: Any) -> None:  # a part of a core schema, which has no comm
         for each in schema:
             _tighten(each)
     elif isinstance(schema, dict) and schema.get("type") != "model":
+        if schema.get("type") == "function-before" and schema["function"]["function"] is _whole:
+            return  # the same schema comes again when another type refers to its model
         if schema.get("type") in _STRICT:
             schema["strict"] = True
         is_list = schema.get("type") == "list" or "variadic_item_index" in schema
@@ -62,7 +63,7 @@ def repeated_member(raw: bytes) -> Path | None:
     Readers of JSON differ: most take the last value of such a member, some the first.
     """
     if b"\\" not in raw:
-        names = [name for name, colon in _TEXTS.findall(raw) if colon]
+        names = _NAMES.findall(raw)
         if len(set(names)) == len(names):  # of most messages: no name stands twice at all
             return None
     return next(_repeated(json.loads(raw, object_pairs_hook=tuple), ()), None)
