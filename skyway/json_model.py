@@ -1,8 +1,5 @@
 """The base of all models with a JSON form: frozen, strict about types and fields; a cache."""
 
-import json
-import re
-from collections.abc import Iterator
 from typing import Any, ClassVar, Final, Generic, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler
@@ -15,16 +12,6 @@ _ALL_FAULTS_OF: Final = 100
 
 #: Types for which no other type of JSON may stand: "5" and true are no numbers, 1 is not true.
 _STRICT: Final = ("bool", "float")
-
-
-#: The names and numbers that lead to a member.
-Path = tuple[str | int, ...]
-
-#: What is wrong with a member that stands twice.
-STANDS_TWICE: Final = "stands twice in one object"
-
-#: A text in JSON without backslashes, and the colon after it if it is a name.
-_TEXTS: Final = re.compile(rb'"([^"]*)"(\s*:)?')
 
 
 def _whole(value: Any) -> Any:  # any JSON value
@@ -43,6 +30,8 @@ def _tighten(schema: Any) -> None:  # a part of a core schema, which has no comm
         for each in schema:
             _tighten(each)
     elif isinstance(schema, dict) and schema.get("type") != "model":
+        if schema.get("type") == "function-before" and schema["function"]["function"] is _whole:
+            return  # the same schema comes again when another type refers to its model
         if schema.get("type") in _STRICT:
             schema["strict"] = True
         is_list = schema.get("type") == "list" or "variadic_item_index" in schema
@@ -54,28 +43,6 @@ def _tighten(schema: Any) -> None:  # a part of a core schema, which has no comm
             checked = no_info_before_validator_function(_whole, {**schema})
             schema.clear()
             schema.update(checked)
-
-
-def repeated_member(raw: bytes) -> Path | None:
-    """The path of a member that stands twice in one object of this JSON; None if there is none.
-
-    Readers of JSON differ: most take the last value of such a member, some the first.
-    """
-    if b"\\" not in raw:
-        names = [name for name, colon in _TEXTS.findall(raw) if colon]
-        if len(set(names)) == len(names):  # of most messages: no name stands twice at all
-            return None
-    return next(_repeated(json.loads(raw, object_pairs_hook=tuple), ()), None)
-
-
-def _repeated(value: Any, above: Path) -> Iterator[Path]:  # JSON with tuples of pairs as objects
-    names = set[str | int]()
-    for number, each in enumerate(value if isinstance(value, list | tuple) else ()):
-        name, inner = each if isinstance(value, tuple) else (number, each)
-        if name in names:
-            yield (*above, name)
-        names.add(name)
-        yield from _repeated(inner, (*above, name))
 
 
 class JsonModel(BaseModel):

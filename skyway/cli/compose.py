@@ -8,12 +8,13 @@ import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, Never
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
 import typer
 
 from skyway.cli.data_folder import data_folder, keep_kernels
 from skyway.errors import FieldFault, InvalidInput
+from skyway.json_text import json_value
 
 if TYPE_CHECKING:
     from skyway.cli.problem_composer import ProblemComposer
@@ -168,14 +169,8 @@ def _lines(lines: Iterable[bytes], *, first_line: int) -> Iterator[Document | No
 
 def _read(raw: bytes, line: int) -> Document | NotJson:
     try:
-        return Document(line, json.loads(raw, parse_constant=_refuse_constant))
+        return Document(line, json_value(raw))
     except json.JSONDecodeError as error:
         return NotJson(line + error.lineno - 1, f"not JSON: {error.msg} at column {error.colno}")
-    except UnicodeDecodeError as error:
-        return NotJson(line, f"not UTF-8: {error.reason}")
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         return NotJson(line, f"not JSON: {error}")
-
-
-def _refuse_constant(name: str) -> Never:
-    raise ValueError(f"{name} is not a number in JSON")

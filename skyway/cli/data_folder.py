@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Annotated, Final
+from urllib.parse import quote
 
 import typer
 
@@ -105,13 +106,19 @@ class DataFolder:
         return self.path / "lock"
 
     def database_url(self, service: str) -> str:
+        """The URL of the SQLite database of a service; its path may hold `%`, `?` and `#`."""
+        return f"sqlite:///{quote(str(self.database_file(service)))}"
+
+    def database_file(self, service: str) -> Path:
         """The SQLite database of a service."""
-        return f"sqlite:///{(self.path / f'{service}.db').resolve()}"
+        return (self.path / f"{service}.db").resolve()
 
     def make(self) -> None:
         """Make the missing folders; other users cannot read them."""
         for folder in (self.path, self.secrets, self.logs, self.broker, self.journals):
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            if not os.access(folder, os.W_OK | os.X_OK):
+                raise SkywayError(f"{folder}: this user cannot write into the folder")
 
 
 #: Where compiled kernels are kept, if it can be written to: the installation.

@@ -80,9 +80,7 @@ def _databases(folder: DataFolder) -> Iterator[Finding]:
     if url is not None:
         yield asyncio.run(_postgresql(url))
         return
-    files = {
-        name: Path(folder.database_url(name).removeprefix("sqlite:///")) for name in CLOUD_SERVICES
-    }
+    files = {name: folder.database_file(name) for name in CLOUD_SERVICES}
     if not any(file.exists() for file in files.values()):
         yield Finding("database", "SQLite; skyway up makes the files on its first start")
         return

@@ -260,9 +260,12 @@ def _read(file: str) -> "Network":
 def _text(file: str) -> str:
     """The text in this file; the command ends when it cannot be read."""
     try:
-        return sys.stdin.read() if file == "-" else Path(file).read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        _unreadable(f"{file}: {error}")
+        raw = sys.stdin.buffer.read() if file == "-" else Path(file).read_bytes()
+        return raw.decode("utf-8-sig")
+    except OSError as error:
+        _unreadable(f"{file}: {error.strerror}")
+    except UnicodeDecodeError:
+        _unreadable(f"{file}: the text is not UTF-8")
 
 
 def _unreadable(message: str) -> NoReturn:

@@ -1,6 +1,5 @@
 """The options that say what a customer requests, and the JSON of the delivery request they make."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ import typer
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.gateway import fail
 from skyway.cli.moments import ReadMoment, moment_reader
+from skyway.json_text import json_value
 
 CUSTOMER_KEY: Final = "SKYWAY_CUSTOMER_KEY"
 
@@ -33,9 +33,7 @@ FileOption = Annotated[
 #: `skyway.delivery.qos.Objective`, which would make the start of every command slow.
 _ObjectiveName = Literal["FASTEST", "CHEAPEST", "GREENEST"]
 
-ObjectiveOption = Annotated[
-    _ObjectiveName, typer.Option(case_sensitive=False, help="What makes an offer best.")
-]
+ObjectiveOption = Annotated[_ObjectiveName, typer.Option(help="What makes an offer best.")]
 
 #: `skyway.delivery.qos.Priority`, which would make the start of every command slow.
 _PriorityName = Literal["STANDARD", "PRIORITY"]
@@ -43,7 +41,6 @@ _PriorityName = Literal["STANDARD", "PRIORITY"]
 PriorityOption = Annotated[
     _PriorityName,
     typer.Option(
-        case_sensitive=False,
         help="PRIORITY is planned first, at a price factor of the provider.",
     ),
 ]
@@ -54,7 +51,6 @@ _PromiseName = Literal["P90", "P50"]
 PromiseOption = Annotated[
     _PromiseName,
     typer.Option(
-        case_sensitive=False,
         help="Which arrival time is promised: nine of ten packages come by P90, half by P50.",
     ),
 ]
@@ -220,7 +216,7 @@ class RequestOptions:
 
 def _object(file: Path) -> dict[str, Any]:
     try:
-        document = json.loads(file.read_bytes())
+        document = json_value(file.read_bytes())
     except ValueError as error:
         fail(f"--file {file}: not JSON: {error}")
     if not isinstance(document, dict):

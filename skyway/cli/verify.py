@@ -5,6 +5,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
+from urllib.parse import unquote
 
 import typer
 
@@ -99,6 +100,6 @@ def _findings(folder: DataFolder, urls: Mapping[str, str]) -> "Findings":
 
 def _must_exist(url: str) -> None:
     """End the command when a SQLite file is missing."""
-    file = url.removeprefix("sqlite:///")
-    if file != url and not Path(file).exists():
+    file = unquote(url.removeprefix("sqlite:///"))
+    if url.startswith("sqlite:///") and not Path(file).exists():
         fail(f"there is no database {file}: no Skyway has run on this data folder")

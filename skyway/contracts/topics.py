@@ -13,7 +13,7 @@ from skyway.contracts.delivery_event import DeliveryEvent
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState, Telemetry
 from skyway.contracts.instruction import AnyInstruction, Instruction
 from skyway.contracts.world import ClockAnchor, NetworkVersion, StationState
-from skyway.json_model import STANDS_TWICE, repeated_member
+from skyway.json_text import STANDS_TWICE, repeated_member
 
 M = TypeVar("M", bound=BaseModel)
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from skyway.json_text import json_value
 from skyway.network.column_fields import Doubtful, collector_paused
 from skyway.network.columns import Columns, Floats
 from skyway.network.feature_columns import read_blocks
@@ -50,7 +51,7 @@ def read_network_text(text: str | bytes) -> Network:
         try:
             return _read_block_by_block(text)
         except Doubtful:
-            return read_network(json.loads(text))
+            return read_network(json_value(text))
 
 
 def network_text(network: Network) -> str:

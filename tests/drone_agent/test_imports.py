@@ -40,6 +40,7 @@ LIBRARY = {
     "skyway.geo",
     "skyway.ids",
     "skyway.json_model",
+    "skyway.json_text",
     "skyway.runtime",
     "skyway.units",
 }

@@ -4,7 +4,6 @@ The files of credentials lie beside the journals: one file per drone, readable b
 """
 
 import contextlib
-import json
 import os
 import ssl
 from pathlib import Path
@@ -22,6 +21,7 @@ from skyway.errors import InvalidInput
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
 from skyway.json_model import WireModel
+from skyway.json_text import json_value
 from skyway.runtime.errors import InvalidSettings
 from skyway_drone_agent.journal.logbook import Logbook
 
@@ -87,16 +87,16 @@ def read_fleet(path: Path) -> tuple[EnrolledDrone, ...]:
         The file does not hold the answer of POST /v1/providers/{id}/drones.
     """
     try:
-        content = json.loads(path.read_bytes())
+        content = json_value(path.read_bytes())
         if isinstance(content, dict):
             content = content.get("items", [content])
         return _DRONES.validate_python(content)
-    except json.JSONDecodeError as error:
-        raise InvalidInput(str(path), f"not JSON: {error}") from error
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         detail = "not the answer of POST /v1/providers/{id}/drones: " + ": ".join(fault_of(first))
         raise InvalidInput(str(path), detail) from error
+    except ValueError as error:
+        raise InvalidInput(str(path), f"not JSON: {error}") from error
 
 
 class Credentials(WireModel):

@@ -188,7 +188,7 @@ def read_scenario(name_or_file: str) -> Disturbances:
     is_bundled = name_or_file in scenario_names()
     path = _BUNDLED / f"{name_or_file}.toml" if is_bundled else Path(name_or_file)
     try:
-        content = tomllib.loads(path.read_text())
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError as error:
         names = ", ".join(scenario_names())
         detail = f"{name_or_file} is neither a file nor one of {names}"

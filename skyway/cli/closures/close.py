@@ -23,6 +23,7 @@ from skyway.cli.closures.operate import (
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import fail
 from skyway.cli.moments import moment_reader
+from skyway.json_text import json_value
 
 close_app: Final = typer.Typer(
     help="Close a station, a pad, a segment or an area; stop drones on the ground.",
@@ -164,7 +165,7 @@ def _given(**members: str | None) -> dict[str, Any]:
 def _area(file: Path) -> dict[str, Any]:
     """The polygon in a file of GeoJSON: a geometry, or a feature with one."""
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
+        content = json_value(file.read_bytes())
     except ValueError as error:
         fail(f"{file} is not JSON: {error}")
     if isinstance(content, dict) and content.get("type") == "Feature":

@@ -172,10 +172,6 @@ async def _on_invalid_request(_request: Request, error: Exception) -> Response:
 async def _on_http_exception(request: Request, error: Exception) -> Response:
     if not isinstance(error, HTTPException):
         raise error
-    if error.status_code == HTTPStatus.BAD_REQUEST and error.__cause__ is not None:
-        # FastAPI raises this when its JSON parser fails otherwise than by a JSONDecodeError.
-        detail = "the text is not UTF-8, nests too deeply, or holds too long a number"
-        return problem_response(_problem(_BROKEN_JSON, detail))
     headers, detail = dict(error.headers or {}), error.detail
     if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
         headers["Allow"] = ", ".join(allowed_methods(request))

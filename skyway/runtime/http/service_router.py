@@ -25,7 +25,7 @@ from pydantic_core import from_json
 from starlette.exceptions import HTTPException
 
 from skyway.complaints import BROKEN_JSON
-from skyway.json_model import STANDS_TWICE, Path, repeated_member
+from skyway.json_text import STANDS_TWICE, Path, repeated_member, whole_or_infinite
 from skyway.runtime.http.body_bounds import BodyBounds, BodyLimit, members_in
 
 M = TypeVar("M", bound=BaseModel)
@@ -130,7 +130,7 @@ class ServiceRoute(APIRoute):
                 except RecursionError as error:
                     raise _complaint((), _TOO_DEEP, None) from error
                 except ValueError:
-                    return await handle(request)  # FastAPI says what is wrong with the text
+                    value = _parsed_by_python(raw)
                 _check(raw, value, most_members=self.bounds.members)
             return await handle(request)
 
@@ -217,15 +217,13 @@ def _parsed(raw: bytes) -> Any:  # a JSON value of any type
 def _parsed_by_python(raw: bytes) -> Any:  # a JSON value of any type
     """The value of a text that pydantic refuses. Python names the fault, or accepts more."""
     try:
-        return json.loads(raw)
+        return json.loads(raw, parse_int=whole_or_infinite)
     except RecursionError as error:
         raise _complaint((), _TOO_DEEP, None) from error
     except json.JSONDecodeError as error:
         raise _broken(f"is not JSON at line {error.lineno}, column {error.colno}") from error
     except UnicodeDecodeError as error:
         raise _broken("the text is not UTF-8") from error
-    except ValueError as error:
-        raise _broken("holds a number with too many digits") from error
 
 
 class InternalBody(Generic[M]):

@@ -8,6 +8,7 @@ import pytest
 from skyway.cli.data_folder import DataFolder, held, keep_kernels
 from skyway.cli.demo.command import demo_command
 from skyway.errors import SkywayError
+from skyway.runtime.sql.server_url import read_url
 
 
 @pytest.fixture
@@ -55,3 +56,14 @@ def test_kernels_are_kept_in_the_data_folder_where_nothing_else_can_be_written_t
     expected = None if has_home else str(folder.path / "kernels")
     assert os.environ.get("NUMBA_CACHE_DIR") == expected
     assert ("NUMBA_CACHE_DIR names another folder" in capsys.readouterr().err) is not has_home
+
+
+@pytest.mark.parametrize("name", ["feature%2Fx", "a b", "a#b", "a?b=c", "50%", "ä"])
+def test_any_name_of_a_data_folder_leads_to_its_own_database(tmp_path: Path, name: str) -> None:
+    folder = DataFolder(tmp_path / name)
+    folder.make()
+
+    url = read_url(folder.database_url("registry"))
+
+    assert url.database == str(tmp_path.resolve() / name / "registry.db")
+    assert not url.query

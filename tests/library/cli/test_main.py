@@ -17,7 +17,7 @@ from skyway.cli.main import main, make_app
 #: What a help text may import besides the standard library, and which parts of the library.
 #: `__mp_main__` is a name that multiprocessing gives to the main module.
 MAY_IMPORT = {"__mp_main__", "annotated_doc", "shellingham", "typer"}
-MAY_IMPORT_OF_SKYWAY = {"skyway.errors", "skyway.units", "skyway.workers"} | {
+MAY_IMPORT_OF_SKYWAY = {"skyway.errors", "skyway.json_text", "skyway.units", "skyway.workers"} | {
     *("skyway.runtime", "skyway.runtime.errors", "skyway.runtime.metrics"),
     *("skyway.broker_setup", "skyway.broker_setup.private_file"),
 }

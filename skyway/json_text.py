@@ -1,0 +1,63 @@
+"""JSON as text: its value, and what readers of JSON would read in different ways."""
+
+import json
+import re
+import sys
+from collections.abc import Iterator
+from typing import Any, Final
+
+#: The names and numbers that lead to a member.
+Path = tuple[str | int, ...]
+
+#: What is wrong with a member that stands twice.
+STANDS_TWICE: Final = "stands twice in one object"
+
+#: The name of a member in JSON without backslashes.
+_NAMES: Final = re.compile(rb'"([^"]*)"\s*:')
+
+
+def json_value(text: bytes | str) -> Any:  # any JSON value
+    """The value of JSON in UTF-8, with or without a byte order mark.
+
+    A whole number of too many digits for Python is infinite, and `NaN` is read, too: who checks the
+    value names its field.
+
+    Raises
+    ------
+    ValueError
+        The text is not JSON in UTF-8, or nests too deeply.
+    """
+    try:
+        text = text.decode("utf-8-sig") if isinstance(text, bytes) else text
+        return json.loads(text, parse_int=whole_or_infinite)
+    except UnicodeDecodeError as error:
+        raise ValueError("the text is not UTF-8") from error
+    except RecursionError as error:
+        raise ValueError("the text nests too deeply") from error
+
+
+def whole_or_infinite(digits: str) -> int | float:
+    """The number of these digits; infinite if Python reads no number of so many digits."""
+    return int(digits) if len(digits) <= sys.int_info.default_max_str_digits else float(digits)
+
+
+def repeated_member(raw: bytes) -> Path | None:
+    """The path of a member that stands twice in one object of this JSON; None if there is none.
+
+    Readers of JSON differ: most take the last value of such a member, some the first.
+    """
+    if b"\\" not in raw:
+        names = _NAMES.findall(raw)
+        if len(set(names)) == len(names):  # of most messages: no name stands twice at all
+            return None
+    return next(_repeated(json.loads(raw, object_pairs_hook=tuple), ()), None)
+
+
+def _repeated(value: Any, above: Path) -> Iterator[Path]:  # JSON with tuples of pairs as objects
+    names = set[str | int]()
+    for number, each in enumerate(value if isinstance(value, list | tuple) else ()):
+        name, inner = each if isinstance(value, tuple) else (number, each)
+        if name in names:
+            yield (*above, name)
+        names.add(name)
+        yield from _repeated(inner, (*above, name))
