@@ -99,7 +99,7 @@ async def _at_any_time(
             "qos": request.qos.model_copy(update={"deadline_at": None}),
         }
     )
-    # Trips are kept by their packages, whatever the deadline is.
+    # Trips are kept by their packages, and not by their deadline.
     trip = await replace(finder, latest_ms=None, _found={}).trip(drone, patient)
     if not isinstance(trip, Trip) or trip.plan.delivery_time_s is None:
         return None
