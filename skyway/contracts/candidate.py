@@ -135,13 +135,13 @@ class Possible(WireModel):
     kind: Annotated[
         Literal["APART", "WITHOUT", "LESS", "LATER"],
         Field(
-            description="APART: each package alone, in requests of their own. WITHOUT: these "
-            "packages less. LESS: so much less mass. LATER: delivered at this moment."
+            description="APART: these packages each in a request of its own. WITHOUT: each other "
+            "package in one. LESS: so much less mass. LATER: delivered at this moment."
         ),
     ]
     detail: Annotated[str, Field(description="The same for people.")]
     package_ids: Annotated[
-        tuple[PackageId, ...], Field(description="WITHOUT: the packages that are in the way.")
+        tuple[PackageId, ...], Field(description="APART and WITHOUT: the packages that are meant.")
     ] = ()
     less_kg: Annotated[
         float | None, Field(description="LESS: how much less all packages weigh, in kilograms.")

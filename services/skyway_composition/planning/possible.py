@@ -1,24 +1,24 @@
 """What would have been possible instead of a request that no drone can fly, tried with the planner.
 
-Only a final rejection is worth these plans: `MOST_TRIPS` for each provider at most.
+Only a final rejection is worth these plans, at most 13 for each provider.
 """
 
 import math
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from dataclasses import replace
-from datetime import datetime, timedelta
-from typing import Final
+from datetime import timedelta
+from typing import Any, Final
 
 from skyway.contracts.candidate import Candidate, Possible, ProviderReason
 from skyway.contracts.message import utc_text
 from skyway.contracts.shortlist import Shortlist
-from skyway.delivery.request import DeliveryRequest
+from skyway.delivery.request import DeliveryRequest, Package
 from skyway.scheduling.trip import Trip
 from skyway.units import ms_to_moment
 from skyway_composition.planning.find_trip import TripFinder
 
-#: The most trips that are planned for the answer to one provider. Our own choice.
-MOST_TRIPS: Final = 16
+#: Of requests with more packages, the packages are not tried alone. Our own choice.
+_MOST_ALONE: Final = 8
 
 #: The loads that are tried, as shares of what the drone lifts.
 _SHARES: Final = (1.0, 0.75, 0.5, 0.25)
@@ -35,73 +35,51 @@ async def with_possible(
         return reasons
     found: list[ProviderReason] = []
     for reason in reasons:
-        own = shortlist.of_provider(reason.provider_id) if reason.provider_id else None
-        if own is None or own.is_empty or reason.code in ("TOO_EXPENSIVE", "OTHER_CURRENCY"):
-            found.append(reason)
-            continue
-        strongest = max(own.candidates, key=lambda each: each.model.max_payload_kg)
-        possible = [each async for each in _tried(finder, request, strongest)]
-        words = "; ".join(each.detail for each in possible)
-        detail = f"{reason.detail}; possible: {words}" if possible else reason.detail
-        found.append(reason.model_copy(update={"detail": detail, "possible": tuple(possible)}))
+        own = [each for each in shortlist.candidates if each.provider_id == reason.provider_id]
+        possible: list[Possible] = []
+        if own and reason.code not in ("TOO_EXPENSIVE", "OTHER_CURRENCY"):
+            strongest = max(own, key=lambda each: each.model.max_payload_kg)
+            possible = [each async for each in _possible(finder, request, strongest)]
+        words = "; ".join(["", *(f"possible: {each.detail}" for each in possible)])
+        update = {"detail": reason.detail + words, "possible": tuple(possible)}
+        found.append(reason.model_copy(update=update))
     return tuple(found)
 
 
-async def _tried(
+async def _possible(
     finder: TripFinder, request: DeliveryRequest, drone: Candidate
 ) -> AsyncIterator[Possible]:
     """What this drone could do: some of the packages, less mass, or a later delivery."""
-    alone = []
-    if 1 < len(request.packages) <= MOST_TRIPS // 2:
-        for package in request.packages:
-            only = request.model_copy(update={"packages": (package,)})
-            alone.append(isinstance(await finder.trip(drone, only), Trip))
-    in_the_way = tuple(
-        each.package_id
-        for each, can_fly in zip(request.packages, alone, strict=False)
-        if not can_fly
-    )
-    if any(alone) and in_the_way:
-        names = " and ".join(map(repr, in_the_way))
-        detail = f"each of the others alone, without {names}"
-        yield Possible(kind="WITHOUT", detail=detail, package_ids=in_the_way)
-    for share in _SHARES:
-        limit_kg = share * min(drone.model.max_payload_kg, request.payload_kg)
-        if 0 < limit_kg < request.payload_kg and await _flies(finder, request, drone, limit_kg):
-            less_kg = math.ceil((request.payload_kg - limit_kg) * 1000) / 1000
+
+    async def trip(packages: Sequence[Package], **changes: Any) -> Trip | None:  # of the request
+        other = request.model_copy(update={"packages": tuple(packages), **changes})
+        # A finder keeps trips by their packages, and not by their deadline.
+        own = replace(finder, latest_ms=None, _found={}) if changes else finder
+        found = await own.trip(drone, other)
+        return found if isinstance(found, Trip) else None
+
+    packages, payload_kg = request.packages, request.payload_kg
+    if 1 < len(packages) <= _MOST_ALONE:
+        stuck = [each.package_id for each in packages if await trip([each]) is None]
+        if 0 < len(stuck) < len(packages):
+            detail = f"each other package alone, without {' and '.join(map(repr, stuck))}"
+            yield Possible(kind="WITHOUT", detail=detail, package_ids=tuple(stuck))
+    for share in _SHARES if payload_kg > 0 else ():
+        left = share * min(drone.model.max_payload_kg / payload_kg, 1.0)
+        # A gram less than the limit: masses add up with rounding.
+        less_kg = math.ceil(payload_kg * (1.0 - left) * 1000 + 1) / 1000
+        lighter = [
+            each.model_copy(update={"mass_kg": each.mass_kg * (1.0 - less_kg / payload_kg)})
+            for each in packages
+        ]
+        if left < 1.0 and less_kg < payload_kg and await trip(lighter) is not None:
             yield Possible(kind="LESS", detail=f"{less_kg:g} kg less", less_kg=less_kg)
             break
-    if request.latest_at is not None and (at := await _at_any_time(finder, request, drone)):
-        yield Possible(kind="LATER", detail=f"delivered at {utc_text(at)}", at=at)
-
-
-async def _flies(
-    finder: TripFinder, request: DeliveryRequest, drone: Candidate, limit_kg: float
-) -> bool:
-    """Whether the drone flies the request with packages that weigh so much together."""
-    share = limit_kg / request.payload_kg * (1 - 1e-9)
-    lighter = [
-        each.model_copy(update={"mass_kg": each.mass_kg * share}) for each in request.packages
-    ]
-    lighter_request = request.model_copy(update={"packages": tuple(lighter)})
-    return isinstance(await finder.trip(drone, lighter_request), Trip)
-
-
-async def _at_any_time(
-    finder: TripFinder, request: DeliveryRequest, drone: Candidate
-) -> datetime | None:
-    """When the last package is delivered without a deadline and ends of windows."""
-    packages = [each.model_copy(update={"latest_at": None}) for each in request.packages]
-    patient = request.model_copy(
-        update={
-            "packages": tuple(packages),
-            "latest_pickup_at": None,
-            "qos": request.qos.model_copy(update={"deadline_at": None}),
-        }
-    )
-    # Trips are kept by their packages, and not by their deadline.
-    trip = await replace(finder, latest_ms=None, _found={}).trip(drone, patient)
-    if not isinstance(trip, Trip) or trip.plan.delivery_time_s is None:
-        return None
-    delivered_s = math.ceil(trip.start_ms / 1000 + trip.plan.delivery_time_s)
-    return ms_to_moment(0) + timedelta(seconds=delivered_s)
+    if request.latest_at is not None:
+        patient = [each.model_copy(update={"latest_at": None}) for each in packages]
+        qos = request.qos.model_copy(update={"deadline_at": None})
+        late = await trip(patient, latest_pickup_at=None, qos=qos)
+        if late is not None and late.plan.delivery_time_s is not None:
+            at_s = math.ceil(late.start_ms / 1000 + late.plan.delivery_time_s)
+            at = ms_to_moment(0) + timedelta(seconds=at_s)
+            yield Possible(kind="LATER", detail=f"delivered at {utc_text(at)}", at=at)

@@ -102,17 +102,23 @@ class _Division:
         if self.most and not limits.is_whole:
             offer = Offer(self.most, self.finder.start_ms)
             return offer if refusals.is_affordable(offer, limits) else None
-        provider_id = self.candidates[0].provider_id
+        ids = tuple(each.package_id for each in left)
+        detail = f"{' and '.join(map(repr, ids))} apart, each in a request of its own"
+        apart = Possible(kind="APART", detail=detail, package_ids=ids)
         refusals.add(
-            provider_id,
+            self.candidates[0].provider_id,
             "NOT_ENOUGH_DRONES",
             f"its {len(self.most)} free drones leave {len(left)} packages behind",
             is_temporary=True,
-            possible=[Possible(kind="APART", detail="each package has a plan if it is sent alone")],
+            possible=[] if self._is_over else [apart],
             drones=len(self.most),
             packages_left=len(left),
         )
         return None
+
+    @property
+    def _is_over(self) -> bool:
+        return self.asked >= MOST_TRIPS + len(self.candidates)
 
     async def _carry(
         self, left: Sequence[Package], free: Sequence[Candidate], parts: tuple[Part, ...]
@@ -134,7 +140,7 @@ class _Division:
             tried.add(kind)
             others = [each for each in free if each is not candidate]
             for load in _loads(left, candidate, most_stops=most_stops):
-                if self.asked >= MOST_TRIPS + len(self.candidates):
+                if self._is_over:
                     return
                 part = await self._part(candidate, load, parts)
                 if part is not None:
@@ -155,12 +161,15 @@ class _Division:
         return Part.of(candidate, trip, request=request, network=network, opening=opening)
 
     async def _never_alone(self, package: Package) -> NoTrip | None:
-        """The reason why no drone carries this package, even alone; None if one does."""
+        """The reason why no drone carries this package, even alone; None if one may."""
         request = self.request.model_copy(update={"packages": (package,)})
         found: NoTrip | None = None
         for candidate in self.candidates:
             if package.mass_kg > candidate.model.max_payload_kg:
                 continue
+            if self._is_over:
+                return None
+            self.asked += 1
             trip = await self.finder.trip(candidate, request)
             if not isinstance(trip, NoTrip):
                 return None
