@@ -128,8 +128,9 @@ async def test_a_load_too_heavy_for_the_way_is_told_how_much_less_would_do(
 
     (reason,) = offers.reasons
     (less,) = reason.possible
-    lighter = make.request("b", pickup="c", mass_kg=9.0 - less.less_kg)
     assert less.kind == "LESS"
+    assert less.less_kg is not None
+    lighter = make.request("b", pickup="c", mass_kg=9.0 - less.less_kg)
     assert (await quoted(composition, lighter, *drones_at(make, "c", 1))).ranked
 
 
@@ -144,8 +145,9 @@ async def test_a_deadline_that_is_too_early_is_told_the_moment_that_is_possible(
 
     (reason,) = offers.reasons
     (later,) = reason.possible
-    patient = make.request("b", pickup="c", qos={"deadline_at": later.at.isoformat()})
     assert (reason.code, later.kind) == ("TOO_LATE", "LATER")
+    assert later.at is not None
+    patient = make.request("b", pickup="c", qos={"deadline_at": later.at.isoformat()})
     assert (await quoted(composition, patient, *drones_at(make, "c", 1))).ranked
 
 
