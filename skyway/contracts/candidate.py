@@ -7,13 +7,13 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from skyway.contracts.message import Soc
+from skyway.contracts.message import FleetMoment, Soc
 from skyway.delivery.offer import Tariff
 from skyway.delivery.qos import ProviderChoice
 from skyway.drone.learned_values import AS_MODELLED, LearnedValues, model_as_learned
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
-from skyway.ids import DroneId, ProviderId, StationId
+from skyway.ids import DroneId, PackageId, ProviderId, StationId
 from skyway.json_model import WireModel
 
 #: At most this many candidates of one provider, and of all (docs/reference/booking.md).
@@ -129,6 +129,28 @@ ProviderReasonCode = Literal[
 FREE_AT: Final = "free_at"
 
 
+class Possible(WireModel):
+    """What would have been possible instead; the planner has checked it."""
+
+    kind: Annotated[
+        Literal["APART", "WITHOUT", "LESS", "LATER"],
+        Field(
+            description="APART: these packages each in a request of its own. WITHOUT: each other "
+            "package in one. LESS: so much less mass. LATER: delivered at this moment."
+        ),
+    ]
+    detail: Annotated[str, Field(description="The same for people.")]
+    package_ids: Annotated[
+        tuple[PackageId, ...], Field(description="APART and WITHOUT: the packages that are meant.")
+    ] = ()
+    less_kg: Annotated[
+        float | None, Field(description="LESS: how much less all packages weigh, in kilograms.")
+    ] = None
+    at: Annotated[
+        FleetMoment | None, Field(description="LATER: when the last package would be delivered.")
+    ] = None
+
+
 class ProviderReason(WireModel):
     """Why a provider makes no offer; `is_temporary` when asking again later may change it.
 
@@ -145,6 +167,9 @@ class ProviderReason(WireModel):
         default_factory=dict,
         description="The numbers behind the code, such as mass_kg and limit_kg.",
     )
+    possible: Annotated[
+        tuple[Possible, ...], Field(description="What would have been possible instead.")
+    ] = ()
 
 
 class PayloadLimitQuery(WireModel):

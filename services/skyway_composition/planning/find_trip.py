@@ -174,21 +174,22 @@ class TripFinder:
         self, candidate: Candidate, request: DeliveryRequest, *, held: Sequence[BookedPad] = ()
     ) -> Trip | NoTrip:
         """The trip of this candidate with the packages of a request; `held` pads are not free."""
-        opening = self.openings.get(candidate.drone_id)
-        key = (
-            opening,
+        key = self.flies_like(candidate), request.packages, tuple(held)
+        found = self._found.get(key)
+        if found is None:
+            found = self._found[key] = await self._composed(candidate, request, held)
+        return found
+
+    def flies_like(self, candidate: Candidate) -> object:
+        """Equal for drones that have the same trips."""
+        return (
+            self.openings.get(candidate.drone_id),
             self.world.for_drone(candidate.learned).use_deviation,
             candidate.planned_model,
             candidate.station_id,
             candidate.soc,
             StandbyChoice.of(candidate),
-            request.packages,
-            tuple(held),
         )
-        found = self._found.get(key)
-        if found is None:
-            found = self._found[key] = await self._composed(candidate, request, held)
-        return found
 
     def start_of(self, drone_id: DroneId) -> int:
         """The earliest start of this drone, fleet milliseconds."""

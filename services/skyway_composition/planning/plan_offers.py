@@ -25,6 +25,7 @@ from skyway_composition.planning.contest import Contest
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.lower_bounds import LowerBounds
 from skyway_composition.planning.offer import Limits, Offer, Offers, Part, terms_of
+from skyway_composition.planning.possible import with_possible
 from skyway_composition.planning.refusals import Refusals, fit_among, refused_for_all
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.split import carrying_all, split_offers
@@ -44,22 +45,24 @@ async def plan_offers(
 ) -> Offers:
     """The offers of candidates that may win, best first; the first is the best of all candidates.
 
-    One drone carries everything if any drone can. Otherwise the request is split over several
-    drones.
+    One drone carries everything if any drone can. Otherwise the packages are split over several
+    drones of a provider.
     """
     refusals = Refusals()
     world = finder.world
     fit = fit_among(refusals, world, request, shortlist=shortlist, busy=busy, at_ms=finder.start_ms)
     if fit.is_empty:
         return Offers((), refusals.of_providers(()))
+    offers: list[Offer] = []
     able = carrying_all(fit, request, world.skyway.settings)
-    if able.is_empty:
+    if not able.is_empty:
+        _refuse_overweight(refusals, fit, request)
+        offers = await _single_offers(finder, request, able, limits=limits, refusals=refusals)
+        fit = refusals.without_plan(fit)
+    if not offers and (able.is_empty or len(request.packages) > 1):
         offers = await split_offers(
             finder, request, fit.candidates, limits=limits, refusals=refusals
         )
-    else:
-        _refuse_overweight(refusals, fit, request)
-        offers = await _single_offers(finder, request, able, limits=limits, refusals=refusals)
     ranked = rank_offers([offer.values for offer in offers], request.qos.ranking)
     reasons = refusals.of_providers({offer.provider_id for offer in offers})
     return Offers(tuple(offers[index] for index in ranked), reasons)
@@ -79,12 +82,9 @@ async def plan_in_calendars(
     The first is the best of all candidates and openings. A provider has a reason if it has no offer
     after all that is booked either.
     """
+    after_all, placed = replace(finder, openings=available.openings), available.placed(shortlist)
     offers = await plan_offers(
-        replace(finder, openings=available.openings),
-        request,
-        shortlist=available.placed(shortlist),
-        busy=available.busy,
-        limits=limits,
+        after_all, request, shortlist=placed, busy=available.busy, limits=limits
     )
     found = [*offers.ranked]
     for each in gaps:
@@ -97,6 +97,9 @@ async def plan_in_calendars(
             limits=limits,
         )
         found.extend(in_gaps.ranked)
+    if not found:
+        reasons = await with_possible(after_all, request, placed, offers.reasons)
+        return replace(offers, reasons=reasons)
     if len(found) == len(offers.ranked):
         return offers
     ranked = rank_offers([offer.values for offer in found], request.qos.ranking)

@@ -6,6 +6,7 @@ from typing import Any
 from skyway.contracts.candidate import (
     FREE_AT,
     Candidate,
+    Possible,
     ProviderReason,
     ProviderReasonCode,
 )
@@ -31,6 +32,7 @@ class Refusals:
         detail: str,
         *,
         is_temporary: bool,
+        possible: Sequence[Possible] = (),
         **data: Any,  # numbers behind the code
     ) -> None:
         """Add the reason why a candidate of this provider makes no offer."""
@@ -41,17 +43,20 @@ class Refusals:
                 detail=detail,
                 is_temporary=is_temporary,
                 data=data,
+                possible=tuple(possible),
             )
         )
 
     def add_no_trip(self, provider_id: ProviderId, reason: NoTrip) -> None:
         """Add the reason why a candidate of this provider has no trip."""
-        self.add(
-            provider_id,
-            reason.code,
-            reason.detail,
-            is_temporary=reason.is_temporary,
-            **dict(reason.data),
+        data: dict[str, Any] = dict(reason.data)
+        self.add(provider_id, reason.code, reason.detail, is_temporary=reason.is_temporary, **data)
+
+    def without_plan(self, shortlist: Shortlist) -> Shortlist:
+        """The candidates of providers none of whose plans was only too expensive."""
+        dear = {each.provider_id for each in self._reasons if each.code == "TOO_EXPENSIVE"}
+        return shortlist.only(
+            [row for row, of in enumerate(shortlist.provider_ids) if of not in dear]
         )
 
     def is_affordable(self, offer: Offer, limits: Limits) -> bool:

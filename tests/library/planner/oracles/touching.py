@@ -107,7 +107,7 @@ def _closures(made: Fields, plan: Plan, rng: Random) -> Iterator[Fields]:
 
 
 def _reservations(made: Fields, plan: Plan, rng: Random) -> list[Fields]:
-    """Every pad of most stations is reserved but for the plan's sessions, in whole milliseconds."""
+    """Every pad of most stations is reserved around the plan's sessions, in whole milliseconds."""
     sessions: dict[tuple[str, int], list[tuple[float, float]]] = defaultdict(list)
     for step in plan.steps:
         if isinstance(step, Recharge):
