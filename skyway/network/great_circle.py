@@ -1,4 +1,4 @@
-"""Great-circle distances by the array, each equal to the last bit to `skyway.geo.distance_m`.
+"""`skyway.geo` by the array; distances equal `skyway.geo.distance_m` to the last bit.
 
 NumPy's own sine differs in the last bit from machine to machine. The content of a network, and so
 its version, must not.
@@ -11,7 +11,7 @@ from itertools import repeat
 import numpy as np
 import numpy.typing as npt
 
-from skyway.geo import EARTH_RADIUS_M
+from skyway.geo import EARTH_RADIUS_M, arc_of
 from skyway.network.columns import Floats
 
 _RAD_PER_DEG = math.pi / 180.0
@@ -28,6 +28,24 @@ def distances_m(
         math.cos, latitude_2
     ) * _square(_each(math.sin, half_longitude))
     return 2 * EARTH_RADIUS_M * _each(math.asin, np.minimum(1.0, np.sqrt(chord)))
+
+
+def beside_deg(longitude_deg: Floats, reference_deg: Floats | float) -> Floats:
+    """The longitudes by as many whole turns that they lie at most 180 degrees from the reference.
+
+    A longitude that lies there already keeps every bit.
+    """
+    turns = np.rint((longitude_deg - reference_deg) / 360.0)
+    beside: Floats = longitude_deg - 360.0 * turns
+    return beside
+
+
+def unrolled_deg(longitude_deg: Floats) -> Floats:
+    """The longitudes of one area side by side, also where it crosses longitude 180."""
+    if not len(longitude_deg):
+        return longitude_deg
+    west, east = arc_of(longitude_deg.tolist())
+    return beside_deg(longitude_deg, (west + east + (360.0 if west > east else 0.0)) / 2)
 
 
 def unit_vectors(longitude_deg: Floats, latitude_deg: Floats) -> npt.NDArray[np.float64]:
