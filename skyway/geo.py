@@ -72,6 +72,12 @@ class Box(NamedTuple):
         )
 
 
+def wrapped_deg(longitude_deg: float) -> float:
+    """The same meridian as a longitude from -180 up to, and without, 180."""
+    wrapped = math.remainder(longitude_deg, 360.0)
+    return -180.0 if wrapped == 180.0 else wrapped
+
+
 def arc_of(longitudes_deg: Iterable[float]) -> tuple[float, float]:
     """The west and east ends of the shortest arc that holds these longitudes.
 

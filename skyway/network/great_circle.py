@@ -7,6 +7,7 @@ its version, must not.
 import math
 from collections.abc import Callable
 from itertools import repeat
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -59,6 +60,32 @@ def unit_vectors(longitude_deg: Floats, latitude_deg: Floats) -> npt.NDArray[np.
             _each(math.sin, latitude),
         )
     )
+
+
+class Courses(NamedTuple):
+    """The middles of flights, and where to they go there: parts of a step of length 1.
+
+    ``(k,)`` float64 each. All are 0 to the east and north for a flight without length.
+    """
+
+    longitude_deg: Floats
+    latitude_deg: Floats
+    east: Floats
+    north: Floats
+
+
+def courses(longitude_deg: tuple[Floats, Floats], latitude_deg: tuple[Floats, Floats]) -> Courses:
+    """The great circles from each start to its end, at their middles; all arrays ``(k,)``."""
+    start, end = map(unit_vectors, longitude_deg, latitude_deg)
+    (x, y, z), (ahead_x, ahead_y, ahead_z) = (start + end).T, (end - start).T
+    beside = np.maximum(np.hypot(x, y), 1e-300)
+    latitude = np.arctan2(z, beside)
+    east = (x * ahead_y - y * ahead_x) / beside
+    outward = (x * ahead_x + y * ahead_y) / beside
+    north = np.cos(latitude) * ahead_z - np.sin(latitude) * outward
+    length = np.maximum(np.hypot(east, north), 1e-15)
+    longitude = np.arctan2(y, x)
+    return Courses(np.degrees(longitude), np.degrees(latitude), east / length, north / length)
 
 
 def _each(function: Callable[[float], float], values: Floats) -> Floats:
