@@ -1,7 +1,13 @@
-"""Positions on the Earth's sphere: distance, bearing, the point on the way."""
+"""Positions on the Earth's sphere: distance, bearing, the point on the way, boxes on the map.
+
+Longitudes are never compared or subtracted as plain numbers: 180 and -180 are the same meridian.
+`skyway.network.great_circle` does the same for arrays.
+"""
 
 import math
-from typing import Annotated, NamedTuple
+from collections.abc import Iterable
+from itertools import pairwise
+from typing import Annotated, NamedTuple, Self
 
 from pydantic import Field
 
@@ -14,6 +20,74 @@ class Position(NamedTuple):
 
     longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0, strict=True)]
     latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0, strict=True)]
+
+
+class Box(NamedTuple):
+    """An area between two meridians and two parallels, in degrees.
+
+    When it crosses longitude 180, its west has the larger longitude.
+    """
+
+    west: float
+    south: float
+    east: float
+    north: float
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """The box in ``west,south,east,north``, as GeoJSON orders a `bbox`.
+
+        Raises
+        ------
+        ValueError
+            The text is not four such numbers, or south lies north of north.
+        """
+        try:
+            box = cls(*map(float, text.split(",")))
+        except (TypeError, ValueError) as error:
+            raise ValueError("must be west,south,east,north in degrees") from error
+        if not (max(abs(box.west), abs(box.east)) <= 180 and box.south >= -90 and box.north <= 90):
+            raise ValueError("longitudes lie within 180 degrees, latitudes within 90")
+        if not box.south <= box.north:
+            raise ValueError("south must not lie north of north")
+        return box
+
+    @classmethod
+    def around(cls, positions: Iterable[Iterable[float]]) -> Self:
+        """The smallest box around these positions, of which there is at least one."""
+        longitudes, latitudes = zip(*positions, strict=True)
+        west, east = arc_of(longitudes)
+        return cls(west, min(latitudes), east, max(latitudes))
+
+    @property
+    def width_deg(self) -> float:
+        """How far its east lies from its west: 0 to 360."""
+        return self.east - self.west + (360.0 if self.west > self.east else 0.0)
+
+    def meets(self, other: "Box") -> bool:
+        """Whether the boxes have a point in common."""
+        return (self.south <= other.north and other.south <= self.north) and (
+            (other.west - self.west) % 360.0 <= self.width_deg
+            or (self.west - other.west) % 360.0 <= other.width_deg
+        )
+
+
+def wrapped_deg(longitude_deg: float) -> float:
+    """The same meridian as a longitude from -180 up to, and without, 180."""
+    wrapped = math.remainder(longitude_deg, 360.0)
+    return -180.0 if wrapped == 180.0 else wrapped
+
+
+def arc_of(longitudes_deg: Iterable[float]) -> tuple[float, float]:
+    """The west and east ends of the shortest arc that holds these longitudes.
+
+    The west end is the larger one if the arc crosses longitude 180.
+    """
+    ordered = sorted(longitudes_deg)
+    gaps = [ordered[0] + 360.0 - ordered[-1]]
+    gaps += [after - before for before, after in pairwise(ordered)]
+    first = gaps.index(max(gaps))
+    return ordered[first], ordered[first - 1]
 
 
 def distance_m(start: Position, end: Position) -> float:
@@ -46,10 +120,31 @@ def point_between(start: Position, end: Position, *, fraction: float) -> Positio
         return start
     weight_1 = math.sin((1 - fraction) * angle) / math.sin(angle)
     weight_2 = math.sin(fraction * angle) / math.sin(angle)
-    x, y, z = (
+    return _towards(
         weight_1 * a + weight_2 * b
         for a, b in zip(unit_vector(start), unit_vector(end), strict=True)
     )
+
+
+def moved(position: Position, *, east_m: float, north_m: float) -> Position:
+    """The position this far away along the great circle that begins in this direction."""
+    length_m = math.hypot(east_m, north_m)
+    if length_m == 0.0:
+        return position
+    longitude, latitude = math.radians(position.longitude_deg), math.radians(position.latitude_deg)
+    (x, y), across = (math.cos(longitude), math.sin(longitude)), math.sin(latitude)
+    to_east, to_north = (-y, x, 0.0), (-across * x, -across * y, math.cos(latitude))
+    angle = length_m / EARTH_RADIUS_M
+    ahead = math.sin(angle) / length_m
+    return _towards(
+        math.cos(angle) * here + ahead * (east_m * east + north_m * north)
+        for here, east, north in zip(unit_vector(position), to_east, to_north, strict=True)
+    )
+
+
+def _towards(vector: Iterable[float]) -> Position:
+    """The position in this direction from the Earth's centre."""
+    x, y, z = vector
     return Position(math.degrees(math.atan2(y, x)), math.degrees(math.atan2(z, math.hypot(x, y))))
 
 

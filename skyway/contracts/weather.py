@@ -32,7 +32,8 @@ _VARIABLES: Final = (
 )
 
 _Latitude = Annotated[float, Field(ge=-90, le=90)]
-_Longitude = Annotated[float, Field(ge=-180, le=180)]
+#: Files of forecasts have longitudes from -180 to 180, or from 0 to 360.
+_Longitude = Annotated[float, Field(ge=-180, le=360)]
 _Wind = Annotated[float, Field(ge=0, le=MAX_WIND_MPS)]
 _Component = Annotated[float, Field(ge=-MAX_WIND_MPS, le=MAX_WIND_MPS)]
 _Direction = Annotated[float, Field(ge=0, le=360)]
@@ -49,6 +50,20 @@ _Values = _Row[_Row[_Row[_T | None]]]
 def _rising(axis: tuple[Any, ...]) -> tuple[Any, ...]:  # moments or numbers
     if any(after <= before for before, after in pairwise(axis)):
         raise PydanticCustomError("order", "must rise from each value to the next")
+    return axis
+
+
+def _eastward(axis: tuple[float, ...]) -> tuple[float, ...]:
+    """Refuse longitudes that go west; from 179 to -179 it is 2 degrees to the east."""
+    steps = [after - before for before, after in pairwise(axis)]
+    steps = [step if step > 0 else step + 360 for step in steps]
+    if any(
+        step >= 180 and after <= before
+        for step, (before, after) in zip(steps, pairwise(axis), strict=True)
+    ):
+        raise PydanticCustomError("order", "must go east from each value to the next")
+    if sum(steps) > 360:
+        raise PydanticCustomError("order", "must not go around the Earth more than once")
     return axis
 
 
@@ -89,7 +104,15 @@ class WeatherGrid(_FewMembers):
         AfterValidator(_rising),
     ]
     latitude: Annotated[_Axis[_Latitude], Field(description="Degrees north, rising.")]
-    longitude: Annotated[_Axis[_Longitude], Field(description="Degrees east, rising.")]
+    longitude: Annotated[
+        _Row[_Longitude],
+        Field(
+            min_length=1,
+            description="Degrees east, each east of the one before: 179, 180, 181 and 179, 180, "
+            "-179 are the same.",
+        ),
+        AfterValidator(_eastward),
+    ]
     wind_speed_mps: Annotated[
         _Values[_Wind] | None,
         Field(description="Speed of the wind."),

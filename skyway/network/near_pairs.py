@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import chain, product
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ from skyway.ids import StationId
 from skyway.network.columns import Floats
 from skyway.network.great_circle import distances_m, unit_vectors
 from skyway.network.parts import Segment, Station, Zone
-from skyway.network.zones import crosses
+from skyway.network.zones import Outline, points_of
 
 _HALF_EARTH_M = math.pi * EARTH_RADIUS_M
 
@@ -100,23 +100,19 @@ def segments_in_sight(
     Two stations see each other when they are at most `max_segment_m` apart and the straight line
     between them crosses none of the zones, active or not.
     """
-    zones = tuple(zones)
-    in_order = list(stations.values())
-    longitude_deg, latitude_deg = (
-        np.array([station.position for station in in_order], np.float64).reshape(-1, 2).T
-    )
-    pairs = near_pairs(longitude_deg, latitude_deg, reach_m=max_segment_m)
-    rows = zip(pairs.one.tolist(), pairs.other.tolist(), pairs.length_m.tolist(), strict=True)
-    lines = ((in_order[one], in_order[other], length_m) for one, other, length_m in sorted(rows))
+    in_order = list(stations)
+    at = points_of(station.position for station in stations.values())
+    pairs = near_pairs(*at, reach_m=max_segment_m)
+    order = np.lexsort((pairs.other, pairs.one))
+    one, other, length_m = pairs.one[order], pairs.other[order], pairs.length_m[order]
+    sees = np.ones(len(order), np.bool_)
+    for outline in map(Outline, zones):
+        sees &= ~outline.meets((at[0][one], at[1][one]), (at[0][other], at[1][other]))
+    rows = zip(one[sees].tolist(), other[sees].tolist(), length_m[sees].tolist(), strict=True)
     return tuple(
-        chain.from_iterable(
-            (
-                Segment(one.station_id, other.station_id, length_m),
-                Segment(other.station_id, one.station_id, length_m),
-            )
-            for one, other, length_m in lines
-            if not any(crosses(zone, one.position, other.position) for zone in zones)
-        )
+        Segment(in_order[start], in_order[end], length)
+        for low, high, length in rows
+        for start, end in ((low, high), (high, low))
     )
 
 

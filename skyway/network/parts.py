@@ -45,7 +45,8 @@ class Segment:
 class Zone:
     """An area closed to flight while active: [active_from, active_until), a missing bound is open.
 
-    `rings` are the polygon's rings as in GeoJSON, each closed: the outer one, then its holes.
+    `rings` are the polygon's rings as in GeoJSON, each closed: the outer one, then its holes. Each
+    edge goes the shorter way round the Earth, and a ring around a pole holds the nearer pole.
     """
 
     zone_id: ZoneId
@@ -53,14 +54,3 @@ class Zone:
     active_from: datetime | None = None
     active_until: datetime | None = None
     properties: Mapping[str, Any] = field(default_factory=dict)  # any JSON value, not ours
-    _box: tuple[Position, Position] = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        longitudes, latitudes = zip(*self.rings[0], strict=True)
-        box = (Position(min(longitudes), min(latitudes)), Position(max(longitudes), max(latitudes)))
-        object.__setattr__(self, "_box", box)
-
-    @property
-    def box(self) -> tuple[Position, Position]:
-        """The south-west and north-east corners of the box around the outer ring."""
-        return self._box

@@ -1,28 +1,29 @@
-"""Which lines meet a zone, and which positions lie in it: one by one, and by the array.
+"""Which lines meet a zone, and which positions lie in it, by the array.
 
 All of this happens in the plane of longitude and latitude: lines are straight there, and a zone is
-its closed outer ring without its open holes. A zone across the antimeridian has to be cut into two.
-
-The functions for arrays compute the same sums in the same order, so they give the same answers.
-Where rounding leaves a doubt, they ask the function for one position. Their callers have left out
-the positions and lines outside the box of the zone.
+its closed outer ring without its open holes. Lines and edges go the shorter way round the Earth.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
-from itertools import chain, pairwise
+from itertools import pairwise
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
 from skyway.geo import Position
 from skyway.network.columns import Floats
+from skyway.network.great_circle import beside_deg
 from skyway.network.parts import Zone
 
 #: A turn smaller than this share of its terms is computed again exactly. The share is the error
 #: of three roundings on each side (Shewchuk 1997, "Adaptive precision floating-point arithmetic").
 _ROUNDING_SHARE = 4 * 2.0**-52
 
+#: A meridian has three longitudes that may lie beside a ring.
+_TURNS_DEG = (-360.0, 0.0, 360.0)
 
 #: Positions as longitudes and latitudes, ``(k,)`` each; a corner of a zone has single numbers.
 Points = tuple[Floats, Floats]
@@ -36,152 +37,146 @@ def _always() -> None:
     """Let the work go on."""
 
 
-def crosses(zone: Zone, start: Position, end: Position) -> bool:
-    """Whether the straight line from start to end meets the zone; touching its edge counts."""
-    south_west, north_east = zone.box
-    if (
-        max(start.longitude_deg, end.longitude_deg) < south_west.longitude_deg
-        or min(start.longitude_deg, end.longitude_deg) > north_east.longitude_deg
-        or max(start.latitude_deg, end.latitude_deg) < south_west.latitude_deg
-        or min(start.latitude_deg, end.latitude_deg) > north_east.latitude_deg
-    ):
-        return False
-    if any(_meet(start, end, *edge) for edge in _edges(zone)):
-        return True
-    # The line meets no edge, so all of it lies on the same side of every ring as its start.
-    return contains(zone, start)
+def points_of(positions: Iterable[Position]) -> Points:
+    """The longitudes and latitudes of these positions."""
+    longitude_deg, latitude_deg = np.array([*positions], np.float64).reshape(-1, 2).T
+    return longitude_deg, latitude_deg
 
 
-def contains(zone: Zone, position: Position) -> bool:
-    """Whether the position lies in the zone; the zone includes its edges, also around holes."""
-    south_west, north_east = zone.box
-    if not (
-        south_west.longitude_deg <= position.longitude_deg <= north_east.longitude_deg
-        and south_west.latitude_deg <= position.latitude_deg <= north_east.latitude_deg
-    ):
-        return False
-    if any(_turn(*edge, position) == 0 and _in_box(*edge, position) for edge in _edges(zone)):
-        return True
-    outer, *holes = zone.rings
-    return _is_inside(outer, position) and not any(_is_inside(hole, position) for hole in holes)
+@dataclass(frozen=True, slots=True, eq=False)
+class Ring:
+    """A closed ring, unrolled: its longitudes go on beyond 180 degrees where it crosses them.
+
+    `pole_deg` is the latitude of the pole around which it goes; 0 for a ring around no pole.
+    """
+
+    corners: Points
+    pole_deg: float
+
+    @classmethod
+    def of(cls, positions: Sequence[Position]) -> Self:
+        """Unroll the ring of these positions."""
+        longitude_deg, latitude_deg = points_of(positions)
+        if (np.abs(longitude_deg) == 180.0).all():  # a band around the whole Earth
+            return cls((longitude_deg, latitude_deg), 0.0)
+        turns = np.concatenate(([0.0], np.cumsum(np.rint(np.diff(longitude_deg) / 360.0))))
+        nearer_deg = 90.0 if latitude_deg.mean() >= 0.0 else -90.0
+        corners = (longitude_deg - 360.0 * turns, latitude_deg)
+        return cls(corners, nearer_deg if turns[-1] else 0.0)
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """West, south, east and north of what it holds; its longitudes may lie beyond 180."""
+        longitude_deg, latitude_deg = self.corners
+        south, north = float(latitude_deg.min()), float(latitude_deg.max())
+        return (
+            float(longitude_deg.min()),
+            min(south, self.pole_deg) if self.pole_deg else south,
+            float(longitude_deg.max()),
+            max(north, self.pole_deg) if self.pole_deg else north,
+        )
+
+    def edges(self) -> Iterator[tuple[Points, Points]]:
+        """The edges without those of length zero, unless there are no others."""
+        corners = [(x, y) for x, y in zip(*map(np.atleast_1d, self.corners), strict=True)]
+        edges = [(start, end) for start, end in pairwise(corners) if start != end]
+        yield from edges or [(corners[0], corners[1])]
 
 
-def which_lie_in(zone: Zone, points: Points, *, go_on: GoOn = _always) -> Mask:
-    """Whether each position lies in the zone, ``(k,)``; the zone includes its edges."""
-    inside, doubtful = _in_rings(zone, points, go_on)
-    for index in np.flatnonzero(doubtful).tolist():
-        go_on()
-        inside[index] = contains(zone, _position(points, index))
+class Outline:
+    """The rings of a zone, prepared for many questions."""
+
+    def __init__(self, zone: Zone) -> None:
+        self._rings = [Ring.of(ring) for ring in zone.rings]
+        self.box = self._rings[0].box
+
+    def holds(self, points: Points, *, go_on: GoOn = _always) -> Mask:
+        """Whether each position lies in the zone, ``(k,)``; the zone includes its edges."""
+        return self.meets(points, points, go_on=go_on)
+
+    def meets(self, starts: Points, ends: Points, *, go_on: GoOn = _always) -> Mask:
+        """Whether each straight line meets the zone, ``(k,)``; touching its edge counts."""
+        lines = (starts[0], starts[1]), (beside_deg(ends[0], starts[0]), ends[1])
+        meets = np.zeros(len(starts[0]), np.bool_)
+        # A line that meets no edge lies on the same side of every ring as its start.
+        outer, *holes = (_meets_ring(ring, *lines, meets, go_on) for ring in self._rings)
+        for hole in holes:
+            outer = outer & ~hole
+        return meets | outer
+
+
+def _meets_ring(ring: Ring, starts: Points, ends: Points, meets: Mask, go_on: GoOn) -> Mask:
+    """Whether each line starts in the ring; notes in `meets` which lines meet an edge."""
+    west, south, east, north = ring.box
+    has_latitude = (np.maximum(starts[1], ends[1]) >= south) & (
+        np.minimum(starts[1], ends[1]) <= north
+    )
+    westmost, eastmost = np.minimum(starts[0], ends[0]), np.maximum(starts[0], ends[0])
+    inside = np.zeros(len(meets), np.bool_)
+    for turn_deg in _TURNS_DEG:
+        is_near = has_latitude & (eastmost + turn_deg >= west) & (westmost + turn_deg <= east)
+        rows = np.flatnonzero(is_near)
+        if not len(rows):
+            continue
+        start = starts[0][rows] + turn_deg, starts[1][rows]
+        end = ends[0][rows] + turn_deg, ends[1][rows]
+        is_met, is_inside = _edge_by_edge(ring, start, end, go_on)
+        meets[rows] |= is_met
+        inside[rows] |= is_inside
     return inside
 
 
-def which_cross(zone: Zone, starts: Points, ends: Points, *, go_on: GoOn = _always) -> Mask:
-    """Whether each straight line meets the zone, ``(k,)``; touching its edge counts."""
-    # A line that meets no edge lies on the same side of every ring as its start.
-    meets, doubtful = _in_rings(zone, starts, go_on)
-    for start, end in chain.from_iterable(map(_edge_arrays, zone.rings)):
+def _edge_by_edge(ring: Ring, start: Points, end: Points, go_on: GoOn) -> tuple[Mask, Mask]:
+    """Whether each line meets an edge, and whether its start, off all edges, lies inside.
+
+    A ray along the meridian, away from the pole that the ring holds, meets it an odd number of
+    times from inside.
+    """
+    is_met = np.zeros(len(start[0]), np.bool_)
+    is_inside = is_met.copy()
+    for corner, following in ring.edges():
         go_on()
-        turn_start, start_doubtful = _turns(starts, ends, start)
-        turn_end, end_doubtful = _turns(starts, ends, end)
-        from_edge, from_doubtful = _turns(start, end, starts)
-        to_edge, to_doubtful = _turns(start, end, ends)
-        meets |= (turn_start != turn_end) & (from_edge != to_edge)
-        doubtful |= start_doubtful | end_doubtful | from_doubtful | to_doubtful
-    for index in np.flatnonzero(doubtful).tolist():
-        go_on()
-        meets[index] = crosses(zone, _position(starts, index), _position(ends, index))
-    return meets
+        corner_turn, following_turn = _turns(start, end, corner), _turns(start, end, following)
+        start_turn, end_turn = _turns(corner, following, start), _turns(corner, following, end)
+        is_met |= (corner_turn * following_turn < 0) & (start_turn * end_turn < 0)
+        is_met |= _touches(corner_turn, start, end, corner)
+        is_met |= _touches(following_turn, start, end, following)
+        is_met |= _touches(start_turn, corner, following, start)
+        is_met |= _touches(end_turn, corner, following, end)
+        is_west, is_end_west = corner[0] <= start[0], following[0] <= start[0]
+        is_ahead = ((start_turn < 0) == is_west) ^ (ring.pole_deg > 0.0)
+        is_inside ^= (is_west != is_end_west) & is_ahead
+    return is_met, is_inside
 
 
-def _edges(zone: Zone) -> Iterator[tuple[Position, Position]]:
-    for ring in zone.rings:
-        yield from pairwise(ring)
+def _turns(a: Points, b: Points, c: Points) -> npt.NDArray[np.float64]:
+    """On which side of the line a to b each c lies: 1 left, -1 right, 0 exactly on it."""
+    ahead, up, over, beside = b[0] - a[0], c[1] - a[1], b[1] - a[1], c[0] - a[0]
+    left, right = ahead * up, over * beside
+    turns = np.sign(np.atleast_1d(left - right))
+    is_doubtful = np.abs(left - right) <= _ROUNDING_SHARE * (np.abs(left) + np.abs(right))
+    # A product with an exact zero is exact.
+    is_exact = ((ahead == 0.0) | (up == 0.0)) & ((over == 0.0) | (beside == 0.0))
+    doubtful = np.flatnonzero(is_doubtful & ~is_exact)
+    if len(doubtful):
+        a_x, a_y, b_x, b_y, c_x, c_y = np.broadcast_arrays(*map(np.atleast_1d, (*a, *b, *c)))
+        for row in doubtful.tolist():
+            turns[row] = _exact_turn(*(each.item(row) for each in (a_x, a_y, b_x, b_y, c_x, c_y)))
+    return turns
 
 
-def _is_inside(ring: tuple[Position, ...], position: Position) -> bool:
-    """Whether a position off the ring lies inside: a ray north meets it an odd number of times."""
-    is_inside = False
-    for start, end in pairwise(ring):
-        is_west, is_end_west = (
-            corner.longitude_deg <= position.longitude_deg for corner in (start, end)
-        )
-        if is_west != is_end_west and (_turn(start, end, position) < 0) == is_west:
-            is_inside = not is_inside
-    return is_inside
+def _exact_turn(*degrees: float) -> int:
+    a_x, a_y, b_x, b_y, c_x, c_y = map(Fraction, degrees)
+    turn = (b_x - a_x) * (c_y - a_y) - (b_y - a_y) * (c_x - a_x)
+    return (turn > 0) - (turn < 0)
 
 
-def _meet(a: Position, b: Position, c: Position, d: Position) -> bool:
-    """Whether the closed lines a to b and c to d have a point in common."""
-    turn_c, turn_d = _turn(a, b, c), _turn(a, b, d)
-    turn_a, turn_b = _turn(c, d, a), _turn(c, d, b)
-    if turn_c * turn_d < 0 and turn_a * turn_b < 0:
-        return True
-    return (
-        (turn_c == 0 and _in_box(a, b, c))
-        or (turn_d == 0 and _in_box(a, b, d))
-        or (turn_a == 0 and _in_box(c, d, a))
-        or (turn_b == 0 and _in_box(c, d, b))
-    )
-
-
-def _turn(a: Position, b: Position, c: Position) -> int:
-    """On which side of the line a to b the position c lies: 1 left, -1 right, 0 exactly on it."""
-    left = (b.longitude_deg - a.longitude_deg) * (c.latitude_deg - a.latitude_deg)
-    right = (b.latitude_deg - a.latitude_deg) * (c.longitude_deg - a.longitude_deg)
-    turn = left - right
-    if abs(turn) > _ROUNDING_SHARE * (abs(left) + abs(right)):
-        return 1 if turn > 0 else -1
-    a_x, a_y, b_x, b_y, c_x, c_y = map(Fraction, (*a, *b, *c))
-    exact = (b_x - a_x) * (c_y - a_y) - (b_y - a_y) * (c_x - a_x)
-    return (exact > 0) - (exact < 0)
-
-
-def _in_box(a: Position, b: Position, c: Position) -> bool:
-    """Whether c lies in the box that a and b span."""
-    return min(a.longitude_deg, b.longitude_deg) <= c.longitude_deg <= max(
-        a.longitude_deg, b.longitude_deg
-    ) and min(a.latitude_deg, b.latitude_deg) <= c.latitude_deg <= max(
-        a.latitude_deg, b.latitude_deg
-    )
-
-
-def _in_rings(zone: Zone, points: Points, go_on: GoOn) -> tuple[Mask, Mask]:
-    """Whether each position lies in the outer ring and in no hole; where rounding leaves doubt."""
-    longitude_deg = points[0]
-    doubtful = np.zeros(len(longitude_deg), np.bool_)
-    in_ring = []
-    for ring in zone.rings:
-        is_inside = np.zeros(len(longitude_deg), np.bool_)
-        for start, end in _edge_arrays(ring):
-            go_on()
-            is_left, is_doubtful = _turns(start, end, points)
-            doubtful |= is_doubtful
-            is_west, is_end_west = start[0] <= longitude_deg, end[0] <= longitude_deg
-            is_inside ^= (is_west != is_end_west) & (~is_left == is_west)
-        in_ring.append(is_inside)
-    outer, *holes = in_ring
-    for hole in holes:
-        outer = outer & ~hole
-    return outer, doubtful
-
-
-def _turns(a: Points, b: Points, c: Points) -> tuple[Mask, Mask]:
-    """Whether c lies left of the line a to b, and whether rounding leaves this in doubt."""
-    left = (b[0] - a[0]) * (c[1] - a[1])
-    right = (b[1] - a[1]) * (c[0] - a[0])
-    turn = left - right
-    return turn > 0, ~(np.abs(turn) > _ROUNDING_SHARE * (np.abs(left) + np.abs(right)))
-
-
-def _edge_arrays(ring: tuple[Position, ...]) -> list[tuple[Points, Points]]:
-    """The ring's edges without those of length zero, unless there are no others."""
-    edges = [(start, end) for start, end in pairwise(ring) if start != end] or [(ring[0], ring[1])]
-    return [(_corner(start), _corner(end)) for start, end in edges]
-
-
-def _corner(position: Position) -> Points:
-    return np.array(position.longitude_deg), np.array(position.latitude_deg)
-
-
-def _position(points: Points, index: int) -> Position:
-    return Position(points[0].item(index), points[1].item(index))
+def _touches(turns: npt.NDArray[np.float64], a: Points, b: Points, c: Points) -> Mask:
+    """Whether c lies on the line a to b: it turns to neither side, and lies in the line's box."""
+    is_on: Mask = turns == 0.0
+    if is_on.any():
+        for axis in (0, 1):
+            is_on &= (np.minimum(a[axis], b[axis]) <= c[axis]) & (
+                c[axis] <= np.maximum(a[axis], b[axis])
+            )
+    return is_on

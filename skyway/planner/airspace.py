@@ -8,9 +8,12 @@ import numpy as np
 
 from skyway.ids import StationId
 from skyway.network.columns import Floats, Rows
+from skyway.network.great_circle import beside_deg
 from skyway.network.network import Network, Zone
-from skyway.network.zones import Points, which_cross, which_lie_in
+from skyway.network.zones import Outline, Points
 from skyway.planner.stop import OutOfTime, Stop, never
+
+_ROUNDING_DEG = 1e-9
 
 #: A segment by its ends; a network has at most one in each direction.
 SegmentEnds = tuple[StationId, StationId]
@@ -87,9 +90,10 @@ class Airspace:
         reaches = []
         for zone in zones:
             go_on()
-            near, met = stations.rows_near(zone), segments.rows_near(zone)
-            inside = which_lie_in(zone, _taken(at, near), go_on=go_on)
-            crossing = which_cross(zone, _taken(starts, met), _taken(ends, met), go_on=go_on)
+            outline = Outline(zone)
+            near, met = stations.rows_near(outline), segments.rows_near(outline)
+            inside = outline.holds(_taken(at, near), go_on=go_on)
+            crossing = outline.meets(_taken(starts, met), _taken(ends, met), go_on=go_on)
             reaches.append(ZoneReach(zone, network, near[inside], met[crossing]))
         return cls(tuple(reaches))
 
@@ -98,27 +102,26 @@ class _Boxes:
     """The boxes around many lines, sorted by their southern edge: what may lie near a zone."""
 
     def __init__(self, starts: Points, ends: Points) -> None:
-        self._west, self._east = np.minimum(starts[0], ends[0]), np.maximum(starts[0], ends[0])
+        reached_deg = beside_deg(ends[0], starts[0])
+        self._middle_deg = (starts[0] + reached_deg) / 2
+        self._half_deg = np.abs(reached_deg - starts[0]) / 2
         south = np.minimum(starts[1], ends[1])
         self._north = np.maximum(starts[1], ends[1])
         self._order = np.argsort(south).astype(np.int32)
         self._sorted_south: Floats = south[self._order]
         self._tallest_deg = float(np.max(self._north - south, initial=0.0))
 
-    def rows_near(self, zone: Zone) -> Rows:
-        """The rows, ascending, of the boxes that meet the zone's box."""
-        south_west, north_east = zone.box
-        low = south_west.latitude_deg - self._tallest_deg
-        # A little lower, so that rounding never loses a box that only touches.
-        first = np.searchsorted(self._sorted_south, low - 1e-9)
-        last = np.searchsorted(self._sorted_south, north_east.latitude_deg, side="right")
+    def rows_near(self, outline: Outline) -> Rows:
+        """The rows, ascending, of the boxes that meet the outline's box, or miss it narrowly."""
+        west, south, east, north = outline.box
+        # A little more, so that rounding never loses a box that only touches.
+        first = np.searchsorted(self._sorted_south, south - self._tallest_deg - _ROUNDING_DEG)
+        last = np.searchsorted(self._sorted_south, north, side="right")
         rows = self._order[first:last]
-        meets = (
-            (self._north[rows] >= south_west.latitude_deg)
-            & (self._east[rows] >= south_west.longitude_deg)
-            & (self._west[rows] <= north_east.longitude_deg)
-        )
-        return np.sort(rows[meets])
+        middle = (west + east) / 2
+        apart_deg = np.abs(beside_deg(self._middle_deg[rows], middle) - middle)
+        within_deg = self._half_deg[rows] + (east - west) / 2 + _ROUNDING_DEG
+        return np.sort(rows[(self._north[rows] >= south) & (apart_deg <= within_deg)])
 
 
 def _taken(points: Points, rows: Rows) -> Points:

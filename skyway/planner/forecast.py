@@ -11,6 +11,8 @@ from typing import Final
 import numpy as np
 
 from skyway.drone.model import DroneModel
+from skyway.geo import EARTH_RADIUS_M
+from skyway.network.great_circle import beside_deg
 from skyway.network.network import Network
 from skyway.planner.energy_risk import CLIMATE_MPS, FORECAST_ERROR_MPS, EnergyRisk
 from skyway.planner.kernels.memory import Floats
@@ -19,6 +21,7 @@ from skyway.planner.weather_document import LARGEST_FACTOR
 from skyway.planner.wind import (
     SegmentWind,
     WindField,
+    longitude_axis,
     nearest_places,
     rounded_factor,
     without_savings,
@@ -36,8 +39,6 @@ _MORE_PER_DEGREE: Final = 0.01
 
 #: The farthest that a station may be outside of a grid, or from the nearest place, metres.
 FARTHEST_M: Final = 50_000.0
-
-_M_PER_DEG: Final = 111_195.0
 
 #: How long before its first time a forecast can be in force, at most, seconds: 400 days.
 _LONG_BEFORE_S: Final = 400 * 86_400.0
@@ -125,12 +126,17 @@ class Forecast:
             _, far_m = nearest_places(self.field(), longitude_deg=at_deg[0], latitude_deg=at_deg[1])
             apart_m = far_m.min(axis=0)
         else:
+            columns_deg = longitude_axis(self.longitude_deg[: self.grid[1]])
+            middle_deg = (columns_deg[0] + columns_deg[-1]) / 2
             beyond = [
                 np.maximum(np.maximum(axis.min() - at, at - axis.max()), 0.0)
-                for axis, at in zip((self.longitude_deg, self.latitude_deg), at_deg, strict=True)
+                for axis, at in (
+                    (columns_deg, beside_deg(at_deg[0], middle_deg)),
+                    (self.latitude_deg, at_deg[1]),
+                )
             ]
             stretch = np.cos(np.radians(at_deg[1]))
-            apart_m = _M_PER_DEG * np.hypot(beyond[0] * stretch, beyond[1])
+            apart_m = np.radians(EARTH_RADIUS_M) * np.hypot(beyond[0] * stretch, beyond[1])
         row = int(apart_m.argmax())
         return row, float(apart_m[row])
 

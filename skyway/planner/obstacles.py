@@ -10,22 +10,32 @@ from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from fractions import Fraction
 from itertools import pairwise
 from typing import NamedTuple
 
 from skyway.delivery.plan import Fly, Step
 from skyway.drone.flight import flight_energy_j
 from skyway.drone.model import DroneModel
+from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.network.network import Station, Zone
 from skyway.network.pad_connectors import PAD_CONNECTORS
-from skyway.network.zones import contains, crosses
 from skyway.planner.kernels.memory import Longs
 from skyway.planner.problem import Problem
 from skyway.units import TIME_TOLERANCE_S, time_tolerance_s
 
 #: A closed time: from its start until before its end, seconds.
 _Interval = tuple[float, float]
+
+#: A line between two places: degrees east of a meridian, degrees north of the equator.
+_Line = tuple[tuple[Fraction, Fraction], tuple[Fraction, Fraction]]
+
+_HALF_TURN_DEG = 180.0
+_ZERO = Fraction(0)
+
+#: Edges farther than this from a line do not meet it; more than the rounding of degrees.
+_NEAR_DEG = 1e-9
 
 
 class OpenSky:
@@ -55,7 +65,7 @@ class OpenSky:
         stations = self._problem.network.stations
         ends = (stations[step.from_id].position, stations[step.to_id].position)
         for zone, active in self._zones:
-            if _meet(step.start_s, until_s, active) and crosses(zone, *ends):
+            if _meet(step.start_s, until_s, active) and meets_zone(zone, *ends):
                 return f"the segment crosses zone {zone.zone_id!r}"
         return None
 
@@ -69,7 +79,7 @@ class OpenSky:
             return hours
         position = self._problem.network.stations[step.to_id].position
         for zone, active in self._zones:
-            if _meet(touch_s, step.end_s, active) and contains(zone, position):
+            if _meet(touch_s, step.end_s, active) and meets_zone(zone, position, position):
                 return f"station {step.to_id!r} lies in zone {zone.zone_id!r}"
         return None
 
@@ -240,6 +250,89 @@ def _active_s(problem: Problem, zone: Zone) -> _Interval:
         return (moment - problem.start_at).total_seconds()
 
     return seconds(zone.active_from, -math.inf), seconds(zone.active_until, math.inf)
+
+
+def meets_zone(zone: Zone, start: Position, end: Position) -> bool:
+    """Whether the straight line from start to end meets the zone; touching its edge counts.
+
+    The search unrolls each ring, and looks on which side of lines its corners lie. Here each edge
+    is placed beside the start, and the point that it shares with the line is computed.
+    """
+    line = _beside(start, start, end)
+    lies_in = []
+    for ring in zone.rings:
+        is_band = all(abs(corner.longitude_deg) == _HALF_TURN_DEG for corner in ring)
+        turned_deg = 0.0 if is_band else math.fsum(_east_deg(*edge) for edge in pairwise(ring))
+        # A ray along the meridian of the start meets the ring; it goes away from a pole inside.
+        holds_north = sum(corner.latitude_deg for corner in ring) >= 0.0
+        ray = -1 if abs(turned_deg) > _HALF_TURN_DEG and holds_north else 1
+        is_inside = False
+        for corner, following in pairwise(ring):
+            if not is_band and _is_far(start, end, corner, following):
+                continue
+            edge = _beside(start, corner, following, is_band=is_band)
+            if any(_share_a_point(line, edge, turned=turned) for turned in (-360, 0, 360)):
+                return True
+            (west, south), (east, north) = edge
+            if (west <= 0) != (east <= 0):
+                at_meridian = south - west * (north - south) / (east - west)
+                is_inside ^= (at_meridian - line[0][1]) * ray > 0
+        lies_in.append(is_inside)
+    return lies_in[0] and not any(lies_in[1:])
+
+
+def _east_deg(start: Position, end: Position) -> float:
+    """How far east of the start the end lies, the shorter way round: -180 to 180."""
+    return math.remainder(end.longitude_deg - start.longitude_deg, 360.0)
+
+
+def _is_far(start: Position, end: Position, corner: Position, following: Position) -> bool:
+    """Whether an edge neither comes near the line nor spans the meridian of the line's start."""
+    middle_deg = _east_deg(start, corner) + _east_deg(corner, following) / 2
+    within_deg = abs(_east_deg(corner, following)) / 2 + _NEAR_DEG
+    if abs(middle_deg) <= within_deg:
+        return False
+    apart_deg = math.remainder(middle_deg - _east_deg(start, end) / 2, 360.0)
+    return abs(apart_deg) > within_deg + abs(_east_deg(start, end)) / 2 or (
+        max(corner.latitude_deg, following.latitude_deg) < min(start.latitude_deg, end.latitude_deg)
+        or min(corner.latitude_deg, following.latitude_deg)
+        > max(start.latitude_deg, end.latitude_deg)
+    )
+
+
+def _beside(origin: Position, start: Position, end: Position, *, is_band: bool = False) -> _Line:
+    """A line in exact degrees east of the origin's meridian and north of the equator."""
+
+    def shorter(degrees: Fraction) -> Fraction:
+        whole_turns = 0 if is_band else round(degrees / 360)
+        return degrees - 360 * whole_turns
+
+    from_deg, start_deg, end_deg = (Fraction(place.longitude_deg) for place in (origin, start, end))
+    east = shorter(start_deg - from_deg)
+    reached = east + shorter(end_deg - start_deg)
+    return (east, Fraction(start.latitude_deg)), (reached, Fraction(end.latitude_deg))
+
+
+def _share_a_point(line: _Line, edge: _Line, *, turned: int) -> bool:
+    """Whether the line and the edge, turned east by some degrees, have a point in common."""
+    (x, y), (end_x, end_y) = line
+    (edge_x, edge_y), (edge_end_x, edge_end_y) = edge
+    ahead_x, ahead_y, along_x, along_y = (
+        end_x - x,
+        end_y - y,
+        edge_end_x - edge_x,
+        edge_end_y - edge_y,
+    )
+    to_x, to_y = edge_x + turned - x, edge_y - y
+    crossing = ahead_x * along_y - ahead_y * along_x
+    on_line, on_edge = to_x * along_y - to_y * along_x, to_x * ahead_y - to_y * ahead_x
+    if crossing:
+        return 0 <= on_line / crossing <= 1 and 0 <= on_edge / crossing <= 1
+    # Parallel, or without length: they meet on one line where their boxes overlap.
+    return on_line == on_edge == 0 and all(
+        min(to, to + along) <= max(_ZERO, ahead) and min(_ZERO, ahead) <= max(to, to + along)
+        for to, along, ahead in ((to_x, along_x, ahead_x), (to_y, along_y, ahead_y))
+    )
 
 
 def _meet(start_s: float, end_s: float, closed: _Interval) -> bool:

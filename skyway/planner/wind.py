@@ -13,6 +13,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from skyway.drone.model import DroneModel
+from skyway.geo import EARTH_RADIUS_M
+from skyway.network.great_circle import beside_deg, courses, unit_vectors
 from skyway.network.network import Network
 from skyway.planner.kernels.memory import Floats, Longs
 from skyway.planner.weather import Weather
@@ -29,7 +31,6 @@ _NEAREST_M: Final = 100.0
 _MOST_PLACES: Final = 8
 _TOGETHER: Final = 1_000_000
 
-_M_PER_DEG: Final = 111_195.0
 #: The values of each segment.
 _VALUES: Final = ("along_mps", "across_mps", "gust_mps", "energy_factor", "error_mps")
 
@@ -53,7 +54,7 @@ class WindField:
         standard deviation in each direction.
     grid
         How many latitudes and longitudes, if the places are a grid: one latitude after the other,
-        both rising. Else None.
+        both rising, the longitudes beyond 180 degrees where they cross it. Else None.
     """
 
     longitude_deg: Floats
@@ -105,18 +106,14 @@ class SegmentWind:
     def of(cls, network: Network, wind: WindField) -> "SegmentWind":
         """The wind at the middle of each segment."""
         columns = network.columns
-        stretch = math.cos(math.radians(float(columns.latitude_deg.mean())))
-        x_m = _M_PER_DEG * stretch * columns.longitude_deg
-        y_m = _M_PER_DEG * columns.latitude_deg
-        from_row, to_row = columns.from_row, columns.to_row
-        east, north = x_m[to_row] - x_m[from_row], y_m[to_row] - y_m[from_row]
-        length_m = np.maximum(np.hypot(east, north), 1e-9)
-        east, north = east / length_m, north / length_m
-        weights = weights_of(
-            wind,
-            longitude_deg=(columns.longitude_deg[from_row] + columns.longitude_deg[to_row]) / 2,
-            latitude_deg=(columns.latitude_deg[from_row] + columns.latitude_deg[to_row]) / 2,
+        at_deg, ends = (
+            (columns.longitude_deg, columns.latitude_deg),
+            (columns.from_row, columns.to_row),
         )
+        longitude_deg, latitude_deg, east, north = courses(
+            *((degrees[ends[0]], degrees[ends[1]]) for degrees in at_deg)
+        )
+        weights = weights_of(wind, longitude_deg=longitude_deg, latitude_deg=latitude_deg)
         to_east, to_north = weights.of(wind.east_mps), weights.of(wind.north_mps)
         return cls(
             network,
@@ -260,13 +257,15 @@ def nearest_places(
     kept = min(count, _MOST_PLACES)
     nearest, far_m = np.empty((kept, points), np.int64), np.empty((kept, points))
     step = max(1, _TOGETHER // count)
+    places_at, points_at = (
+        unit_vectors(*at).T[:, :, None]
+        for at in ((wind.longitude_deg, wind.latitude_deg), (longitude_deg, latitude_deg))
+    )
     for start in range(0, points, step):
         these = slice(start, start + step)
-        east_deg = wind.longitude_deg[:, None] - longitude_deg[these]
-        stretch = np.cos(np.radians(latitude_deg[these]))
-        apart_m = _M_PER_DEG * np.hypot(
-            east_deg * stretch, wind.latitude_deg[:, None] - latitude_deg[these]
-        )
+        pairs = zip(places_at, points_at, strict=True)
+        chord = np.sqrt(sum((place - point[these].T) ** 2 for place, point in pairs))
+        apart_m = 2 * EARTH_RADIUS_M * np.arcsin(np.minimum(chord / 2, 1.0))
         nearest[:, these] = np.argpartition(apart_m, kept - 1, axis=0)[:kept]
         far_m[:, these] = np.take_along_axis(apart_m, nearest[:, these], axis=0)
     return nearest, far_m
@@ -275,10 +274,11 @@ def nearest_places(
 def _on_grid(
     wind: WindField, grid: tuple[int, int], longitude_deg: Floats, latitude_deg: Floats
 ) -> PlaceWeights:
-    columns = grid[1]
+    columns, axis_deg = grid[1], longitude_axis(wind.longitude_deg[: grid[1]])
     south, to_north = _between(wind.latitude_deg[::columns], latitude_deg)
-    west, to_east = _between(wind.longitude_deg[:columns], longitude_deg)
-    north, east = np.minimum(south + 1, grid[0] - 1), np.minimum(west + 1, columns - 1)
+    west, to_east = _between(axis_deg, beside_deg(longitude_deg, (axis_deg[0] + axis_deg[-1]) / 2))
+    north, east = np.minimum(south + 1, grid[0] - 1), np.minimum(west + 1, len(axis_deg) - 1)
+    west, east = west % columns, east % columns
     corners = ((south, west), (south, east), (north, west), (north, east))
     weights = (
         (1 - to_north) * (1 - to_east),
@@ -288,6 +288,14 @@ def _on_grid(
     )
     places = np.array([row * columns + column for row, column in corners])
     return PlaceWeights(places, np.array(weights))
+
+
+def longitude_axis(longitude_deg: Floats) -> Floats:
+    """The longitudes of a grid; all around the Earth the first one follows the last one again."""
+    gap_deg = 360.0 - (longitude_deg[-1] - longitude_deg[0])
+    if 0.0 < gap_deg <= np.diff(longitude_deg).max(initial=0.0) * (1 + 1e-9):
+        return np.append(longitude_deg, longitude_deg[0] + 360.0)
+    return longitude_deg
 
 
 def _between(axis_deg: Floats, at_deg: Floats) -> tuple[Longs, Floats]:

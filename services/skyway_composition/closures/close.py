@@ -5,11 +5,12 @@ closure is made, no plan that breaks it can be booked (I11).
 """
 
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import Protocol
 
 from skyway.ids import ClosureId, NetworkId, StationId
 from skyway.network.network import Network
-from skyway.network.zones import contains
+from skyway.network.zones import Outline, points_of
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.minting import Mint
@@ -135,6 +136,9 @@ class Closings:
         zone = stop.zone
         if zone is None:
             return None
+        outline = Outline(zone)
         async with self.db.read() as connection:
-            near = await store.stations_in(connection, zone.box, network_id=stop.network_id)
-        return frozenset(name for name, position in near.items() if contains(zone, position))
+            places = await store.stations_between(
+                connection, outline.box[1], outline.box[3], network_id=stop.network_id
+            )
+        return frozenset(compress(places, outline.holds(points_of(places.values()))))

@@ -8,7 +8,6 @@ from functools import cached_property
 from skyway.contracts.candidate import Candidate
 from skyway.ids import NetworkId, StationId
 from skyway.network.network import Network
-from skyway.network.zones import contains
 from skyway.planner.airspace import Airspace, SegmentEnds, ZoneReach
 from skyway.planner.pad_book import OPEN_MS
 from skyway.planner.problem_parts import SegmentClosure, StationClosure
@@ -75,14 +74,12 @@ class Conditions:
 
     def is_under(self, stop: Closure, station_id: StationId) -> bool:
         """Whether a station lies in the area of a ground stop; without an area all stations do."""
-        zone = stop.zone
-        station = self.network.stations.get(station_id)
-        return zone is None or (station is not None and contains(zone, station.position))
+        return stop.area is None or station_id in self._reaches[stop.closure_id].stations
 
     def reach(self, closure: Closure) -> tuple[tuple[StationId, ...], tuple[SegmentEnds, ...]]:
         """The stations and the segments that a closure closes."""
         if closure.kind == "ZONE":
-            reach = self._zone_reaches[closure.closure_id]
+            reach = self._reaches[closure.closure_id]
             return reach.stations, reach.segments
         station_id, to_id = closure.station_id, closure.to_station_id
         if station_id is None or station_id not in self.network.row_of:
@@ -112,12 +109,8 @@ class Conditions:
                 )
 
     @cached_property
-    def _zone_reaches(self) -> dict[str, ZoneReach]:
-        zones = [
-            zone
-            for each in self.closures
-            if each.kind == "ZONE" and (zone := each.zone) is not None
-        ]
+    def _reaches(self) -> dict[str, ZoneReach]:
+        zones = [zone for each in self.closures if (zone := each.zone) is not None]
         reaches = Airspace.over(self.network, zones).reaches
         return {reach.zone.zone_id: reach for reach in reaches}
 

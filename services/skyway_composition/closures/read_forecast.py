@@ -8,6 +8,7 @@ import numpy as np
 
 from skyway.contracts.weather import ForecastDocument, PlaceReport, WeatherGrid
 from skyway.errors import InvalidInput
+from skyway.geo import wrapped_deg
 from skyway.network.network import Network
 from skyway.planner.forecast import FADING, FARTHEST_M, Forecast
 from skyway.planner.kernels.memory import Floats
@@ -117,8 +118,10 @@ def _of_grid(grid: WeatherGrid, edges: list[float]) -> Forecast:
     else:
         east = values(grid.eastward_wind_mps, 0)
         north = values(grid.northward_wind_mps, 0)
+    longitude_deg = np.array(grid.longitude)
+    crossings = np.concatenate(([0], np.cumsum(np.diff(longitude_deg) < 0)))
     return Forecast(
-        longitude_deg=np.tile(np.array(grid.longitude), rows),
+        longitude_deg=np.tile(longitude_deg + 360.0 * crossings, rows),
         latitude_deg=np.repeat(np.array(grid.latitude), columns),
         edges_s=np.array(edges),
         east_mps=east,
@@ -135,8 +138,7 @@ def _of_reports(reports: tuple[PlaceReport, ...], edges: list[float]) -> Forecas
     places: dict[tuple[float, float], int] = {}
     found: dict[tuple[int, int], PlaceReport] = {}
     for number, report in enumerate(reports):
-        at_deg = report.longitude or 0.0, report.latitude or 0.0
-        place = places.setdefault(at_deg, len(places))
+        place = places.setdefault(_place(report), len(places))
         key = times[moment_to_ms(report.valid_at) / 1000], place
         if key in found:
             raise InvalidInput(
@@ -195,4 +197,9 @@ def place_count(document: ForecastDocument) -> int:
     """The number of places for which a forecast has values."""
     if document.grid is not None:
         return len(document.grid.latitude) * len(document.grid.longitude)
-    return len({(each.latitude, each.longitude) for each in document.reports or ()})
+    return len({_place(each) for each in document.reports or ()})
+
+
+def _place(report: PlaceReport) -> tuple[float, float]:
+    """Longitude and latitude; 190 and -170 are one meridian."""
+    return wrapped_deg(report.longitude or 0.0), report.latitude or 0.0

@@ -215,20 +215,15 @@ async def ground_stops(connection: AsyncConnection, *, at_ms: int) -> list[Closu
     return [_closure(row) for row in found]
 
 
-async def stations_in(
-    connection: AsyncConnection,
-    box: tuple[Position, Position],
-    *,
-    network_id: NetworkId | None,
+async def stations_between(
+    connection: AsyncConnection, south: float, north: float, *, network_id: NetworkId | None
 ) -> dict[StationId, Position]:
-    """Positions of the stations in a box of south-west and north-east corner, by station id.
+    """Positions of the stations between two parallels, in degrees, by station id.
 
     Only of one network, or of all networks for None.
     """
-    south_west, north_east = box
     query = select(stations.c.station_id, stations.c.longitude_deg, stations.c.latitude_deg).where(
-        stations.c.longitude_deg.between(south_west.longitude_deg, north_east.longitude_deg),
-        stations.c.latitude_deg.between(south_west.latitude_deg, north_east.latitude_deg),
+        stations.c.latitude_deg.between(south, north)
     )
     if network_id is not None:
         query = query.where(stations.c.network_id == network_id)

@@ -4,12 +4,14 @@ import math
 from datetime import datetime, timedelta
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
+from skyway_composition.closures.read_forecast import forecast_of
 from skyway_composition.planning.world import World
 
 from skyway.contracts.flight_step import FlyStep
-from skyway.contracts.weather import ForecastDocument
+from skyway.contracts.weather import ForecastDocument, WeatherGrid
 from skyway.units import moment_to_ms
 
 OPERATOR = "operator:op"
@@ -194,6 +196,41 @@ def test_a_list_of_wrong_values_is_read_up_to_the_first_of_them() -> None:
         with pytest.raises(ValidationError) as refused:
             ForecastDocument.model_validate(body)
         assert refused.value.error_count() < 10
+
+
+AXES = [[0.0, 120.0, 240.0], [350.0, 355.0, 360.0], [-180.0, 0.0, 180.0], [179.0, 180.0, -179.0]]
+
+
+@pytest.mark.parametrize("longitude", [*AXES, [179.5, 180.5, 181.0], [359.0, 1.0, 2.0]])
+def test_a_grid_may_go_on_beyond_longitude_180(longitude: list[float]) -> None:
+    values = [[[0.0, 0.0, 0.0]]]
+    axes = {"time": ["2026-11-25T06:00:00Z"], "latitude": [0.0], "longitude": longitude}
+
+    grid = {**axes, "wind_speed_mps": values, "wind_from_deg": values}
+    about = {"source": "test", "issued_at": "2026-11-25T06:00:00Z"}
+
+    forecast = forecast_of(ForecastDocument.model_validate({**about, "grid": grid}))
+
+    assert 0.0 < forecast.longitude_deg[2] - forecast.longitude_deg[0] <= 360.0
+    assert (np.diff(forecast.longitude_deg) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("longitude", "why"),
+    [
+        ([2.0, 1.0, 0.0], "east"),
+        ([0.0, 0.0, 1.0], "east"),
+        ([5.0, -5.0, -4.0], "east"),
+        ([-180.0, 180.0, -179.0], "once"),
+        ([10.0, 100.0, 360.5], "360"),
+    ],
+)
+def test_a_grid_that_goes_west_is_refused(longitude: list[float], why: str) -> None:
+    values = [[[0.0, 0.0, 0.0]]]
+    axes = {"time": ["2026-11-25T06:00:00Z"], "latitude": [0.0], "longitude": longitude}
+
+    with pytest.raises(ValidationError, match=rf"longitude(?s:.*){why}"):
+        WeatherGrid.model_validate({**axes, "wind_speed_mps": values, "wind_from_deg": values})
 
 
 @_one

@@ -7,7 +7,7 @@ from skyway.network.bundled import AIRPORT_DISC_RADIUS_M, texas_corridor
 from skyway.network.geojson import read_network, write_network
 from skyway.network.network import Network
 from skyway.network.nx import to_networkx
-from skyway.network.zones import contains, crosses
+from skyway.planner.obstacles import meets_zone
 
 SAN_MARCOS = StationId("san-marcos")
 TOWNS = {"san-marcos", "mcqueeney", "bulverde", "san-antonio"}
@@ -54,9 +54,9 @@ def test_no_segment_crosses_a_disc_and_no_station_stands_in_one(corridor: Networ
     positions = {name: station.position for name, station in corridor.stations.items()}
 
     for zone in corridor.zones:
-        assert not any(contains(zone, position) for position in positions.values())
+        assert not any(meets_zone(zone, position, position) for position in positions.values())
         assert not any(
-            crosses(zone, positions[segment.from_id], positions[segment.to_id])
+            meets_zone(zone, positions[segment.from_id], positions[segment.to_id])
             for segment in corridor.segments
         )
 

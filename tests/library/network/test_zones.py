@@ -1,7 +1,7 @@
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 
-import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -9,10 +9,23 @@ from hypothesis import strategies as st
 from skyway.geo import Position
 from skyway.ids import ZoneId
 from skyway.network.network import Zone
-from skyway.network.zones import Points, contains, crosses, which_cross, which_lie_in
+from skyway.network.zones import Outline, points_of
+from skyway.planner.obstacles import meets_zone
 
 
-def make_zone(*rings: list[tuple[float, float]]) -> Zone:
+def crosses(zone: Zone, start: Position, end: Position) -> bool:
+    """What the search and the verifier say about a line; they have geometries of their own."""
+    (is_met,) = Outline(zone).meets(points_of([start]), points_of([end])).tolist()
+
+    assert meets_zone(zone, start, end) is is_met
+    return bool(is_met)
+
+
+def contains(zone: Zone, position: Position) -> bool:
+    return crosses(zone, position, position)
+
+
+def make_zone(*rings: Sequence[tuple[float, float]]) -> Zone:
     closed = tuple(tuple(Position(*corner) for corner in (*ring, ring[0])) for ring in rings)
     return Zone(ZoneId("zone"), closed)
 
@@ -141,47 +154,100 @@ def test_triangles_agree_with_exact_clipping(
 
 # Places on a coarse grid, which touch and overlap, and places anywhere.
 PLACES = st.builds(Position, *[st.integers(0, 6).map(float)] * 2) | st.builds(
-    Position, *[st.floats(-1, 7)] * 2
+    Position, *[st.floats(-1, 7).map(lambda degrees: round(degrees, 9))] * 2
 )
 RINGS = st.lists(PLACES, min_size=3, max_size=6).map(lambda ring: (*ring, ring[0]))
 ZONES = st.lists(RINGS, min_size=1, max_size=2).map(lambda rings: Zone(ZoneId("z"), tuple(rings)))
 
 
-def points_of(positions: list[Position]) -> Points:
-    longitude_deg, latitude_deg = np.array(positions, np.float64).reshape(-1, 2).T
-    return longitude_deg, latitude_deg
-
-
-def is_near(zone: Zone, *ends: Position) -> bool:
-    """Whether the box around these places meets the zone's box; callers leave out the others."""
-    south_west, north_east = zone.box
-    longitudes = [end.longitude_deg for end in ends]
-    latitudes = [end.latitude_deg for end in ends]
-    return (
-        max(longitudes) >= south_west.longitude_deg
-        and min(longitudes) <= north_east.longitude_deg
-        and max(latitudes) >= south_west.latitude_deg
-        and min(latitudes) <= north_east.latitude_deg
-    )
-
-
-@given(zone=ZONES, positions=st.lists(PLACES, max_size=8))
-def test_arrays_of_positions_lie_in_a_zone_like_single_positions(
-    zone: Zone, positions: list[Position]
-) -> None:
-    near = [position for position in positions if is_near(zone, position)]
-
-    inside = which_lie_in(zone, points_of(near))
-
-    assert inside.tolist() == [contains(zone, position) for position in near]
-
-
 @given(zone=ZONES, lines=st.lists(st.tuples(PLACES, PLACES), max_size=8))
-def test_arrays_of_lines_cross_a_zone_like_single_lines(
+def test_the_verifier_and_the_search_agree_on_lines_and_zones(
     zone: Zone, lines: list[tuple[Position, Position]]
 ) -> None:
-    near = [line for line in lines if is_near(zone, *line)]
+    met = Outline(zone).meets(*(points_of([line[end] for line in lines]) for end in (0, 1)))
 
-    met = which_cross(zone, points_of([a for a, _ in near]), points_of([b for _, b in near]))
+    assert met.tolist() == [meets_zone(zone, *line) for line in lines]
 
-    assert met.tolist() == [crosses(zone, *line) for line in near]
+
+# Degrees in eighths: a turned place is exact, so lines that only touch still touch.
+EIGHTHS = st.integers(0, 48).map(lambda eighths: eighths / 8)
+EXACT_PLACES = st.builds(Position, EIGHTHS, EIGHTHS)
+EXACT_RINGS = st.lists(EXACT_PLACES, min_size=3, max_size=6)
+TURNS = st.integers(-360, 360) | st.integers(174, 180)
+
+
+def turned(place: Position, by_deg: float) -> Position:
+    return Position(math.remainder(place.longitude_deg + by_deg, 360.0), place.latitude_deg)
+
+
+@given(
+    rings=st.lists(EXACT_RINGS, min_size=1, max_size=2),
+    lines=st.lists(st.tuples(EXACT_PLACES, EXACT_PLACES), min_size=1, max_size=8),
+    turn=TURNS,
+)
+def test_a_turned_zone_meets_the_same_lines(
+    rings: list[list[Position]], lines: list[tuple[Position, Position]], turn: int
+) -> None:
+    zone = make_zone(*rings)
+    elsewhere = make_zone(*[[turned(corner, turn) for corner in ring] for ring in rings])
+
+    for start, end in lines:
+        assert crosses(elsewhere, turned(start, turn), turned(end, turn)) is crosses(
+            zone, start, end
+        )
+
+
+# Corners all around the Earth: rings that hold a pole, and edges that go the shorter way.
+AROUND = st.builds(Position, st.floats(-180, 180), st.floats(-90, 90))
+
+
+@given(
+    rings=st.lists(st.lists(AROUND, min_size=3, max_size=8), min_size=1, max_size=2),
+    lines=st.lists(st.tuples(AROUND, AROUND), max_size=8),
+)
+def test_the_verifier_and_the_search_agree_all_around_the_earth(
+    rings: list[list[Position]], lines: list[tuple[Position, Position]]
+) -> None:
+    for start, end in lines:
+        crosses(make_zone(*rings), start, end)
+
+
+@pytest.mark.parametrize(
+    ("ring", "inside", "outside"),
+    [
+        pytest.param(
+            [(0, 80), (90, 80), (180, 80), (-90, 80)], (45.0, 85.0), (45.0, 75.0), id="pole"
+        ),
+        pytest.param(
+            [(0, -80), (90, -80), (180, -80), (-90, -80)], (45.0, -85.0), (45.0, 0.0), id="south"
+        ),
+        pytest.param(
+            [(-180, -90), (180, -90), (180, -60), (-180, -60)],
+            (7.0, -70.0),
+            (7.0, -50.0),
+            id="a band of all longitudes",
+        ),
+        pytest.param(
+            [(-180, 60), (0, 60), (180, 60), (180, 90), (0, 90), (-180, 90)],
+            (-120.0, 89.0),
+            (-120.0, 59.0),
+            id="a cap with corners at the pole",
+        ),
+        pytest.param(
+            [(170, 0), (-170, 0), (-170, 5), (170, 5)], (-175.0, 2.0), (0.0, 2.0), id="shorter way"
+        ),
+        pytest.param(
+            [(-100, 0), (0, 0), (100, 0), (100, 5), (0, 5), (-100, 5)],
+            (0.0, 2.0),
+            (150.0, 2.0),
+            id="the longer way by corners in between",
+        ),
+    ],
+)
+def test_a_ring_holds_what_lies_on_the_shorter_way_or_at_the_nearer_pole(
+    ring: list[tuple[float, float]],
+    inside: tuple[float, float],
+    outside: tuple[float, float],
+) -> None:
+    assert contains(make_zone(ring), Position(*inside))
+    assert not contains(make_zone(ring), Position(*outside))

@@ -9,9 +9,9 @@ from skyway.geo import Position
 from skyway.ids import ZoneId
 from skyway.network.network import Network, Zone
 from skyway.network.synthetic import CITY_CENTRE, synthetic_city
-from skyway.network.zones import contains, crosses
 from skyway.planner import compose
 from skyway.planner.airspace import Airspace
+from skyway.planner.obstacles import meets_zone
 from skyway.planner.problem import Problem
 from skyway.planner.stop import OutOfTime
 
@@ -36,11 +36,13 @@ def test_a_zone_reaches_the_same_as_testing_every_segment() -> None:
     assert [reach.zone for reach in airspace.reaches] == zones
     position = {station_id: station.position for station_id, station in city.stations.items()}
     for reach in airspace.reaches:
-        assert reach.stations == tuple(i for i in position if contains(reach.zone, position[i]))
+        assert reach.stations == tuple(
+            i for i in position if meets_zone(reach.zone, position[i], position[i])
+        )
         assert reach.segments == tuple(
             (segment.from_id, segment.to_id)
             for segment in city.segments
-            if crosses(reach.zone, position[segment.from_id], position[segment.to_id])
+            if meets_zone(reach.zone, position[segment.from_id], position[segment.to_id])
         )
 
 

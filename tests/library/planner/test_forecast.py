@@ -1,6 +1,7 @@
 """A forecast: what counts between its places, after its end, and in a tail wind."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skyway.drone.model import DroneModel
-from skyway.geo import Position
+from skyway.geo import Position, distance_m, wrapped_deg
 from skyway.ids import StationId
 from skyway.network.network import Network, Segment, Station
 from skyway.planner.energy_risk import CLIMATE_MPS, FORECAST_ERROR_MPS
@@ -162,3 +163,88 @@ def test_a_station_far_from_all_places_is_found(network: Network) -> None:
     assert row == 1
     assert far_m == pytest.approx(11_119.5)
     assert grid(2, 2, lambda x, y: x).farthest_m(network)[1] == 0.0
+
+
+def turned(network: Network, by_deg: float) -> Network:
+    stations = {
+        name: Station(name, Position(wrapped_deg(longitude_deg + by_deg), latitude_deg))
+        for name, one in network.stations.items()
+        for longitude_deg, latitude_deg in (one.position,)
+    }
+    return Network(stations, network.segments)
+
+
+@pytest.mark.parametrize("is_grid", [True, False])
+@given(
+    by_deg=st.integers(-180, 180) | st.integers(178, 180) | st.floats(-180, 180),
+    places=st.lists(st.tuples(st.floats(-0.4, 2.4), st.floats(-0.4, 1.4)), min_size=2, max_size=6),
+)
+def test_a_turned_world_has_the_same_wind(
+    is_grid: bool, by_deg: float, places: list[tuple[float, float]]
+) -> None:
+    names = [StationId(f"s{number}") for number in range(len(places))]
+    at = zip(names, places, strict=True)
+    stations = {name: Station(name, Position(*place)) for name, place in at}
+    network = Network(stations, [Segment(a, b, 1e4) for a in names for b in names if a != b])
+    values = grid(3, 4, lambda x, y: 3 + np.sin(3 * x) + y)
+    here = replace(
+        values, north_mps=values.east_mps[:, ::-1], grid=values.grid if is_grid else None
+    )
+    elsewhere = replace(here, longitude_deg=here.longitude_deg + by_deg)
+
+    wind = SegmentWind.of(network, here.field())
+    same = SegmentWind.of(turned(network, by_deg), elsewhere.field())
+
+    # Stations that stand in nearly the same place have no course.
+    apart = network.columns.length_m > 0
+    far = [
+        distance_m(*(stations[end].position for end in (s.from_id, s.to_id))) > 1
+        for s in network.segments
+    ]
+    for name in ("along_mps", "across_mps", "gust_mps", "energy_factor", "error_mps"):
+        found, expected = (getattr(each, name)[:, apart & far] for each in (same, wind))
+        assert found == pytest.approx(expected, abs=1e-6)
+    assert elsewhere.farthest_m(turned(network, by_deg))[1] == pytest.approx(
+        here.farthest_m(network)[1], abs=0.1
+    )
+
+
+def test_a_grid_all_around_the_earth_has_no_border() -> None:
+    longitude_deg, latitude_deg = np.arange(0.0, 360.0, 10.0), np.array([-1.0, 1.0])
+    east_mps = np.tile(np.cos(np.radians(longitude_deg)), 2)[None, :]
+    still = np.zeros_like(east_mps)
+    field = Forecast(
+        np.tile(longitude_deg, 2),
+        np.repeat(latitude_deg, 36),
+        np.array([0.0, 1.0]),
+        east_mps,
+        still,
+        still,
+        still,
+        still,
+        (2, 36),
+    ).field()
+    points = np.array([-5.0, 355.0, 5.0, -180.0, 180.0, 175.0, -175.0])
+
+    weights = weights_of(field, longitude_deg=points, latitude_deg=np.zeros(7))
+
+    near_0, near_180 = (1 + math.cos(math.radians(10))) / 2, -1.0
+    between = -(1 + math.cos(math.radians(10))) / 2
+    assert weights.of(field.east_mps)[0].tolist() == pytest.approx(
+        [near_0, near_0, near_0, near_180, near_180, between, between]
+    )
+
+
+def test_a_flight_over_the_pole_has_the_wind_of_its_middle() -> None:
+    stations = {name: Station(name, Position(x, 89.9)) for name, x in ((A, -60.0), (B, 119.9))}
+    network = Network(stations, [Segment(A, B, 22_000)])
+    at = np.array([-60.0, 119.9, 30.0]), np.array([89.9, 89.9, 80.0])
+    still = np.zeros((1, 3))
+    wind = Forecast(
+        *at, np.array([0.0, 1.0]), still, np.array([[0.0, 0.0, 90.0]]), still, still, still
+    )
+
+    found = SegmentWind.of(network, wind.field())
+
+    # The place in latitude 80 is a hundred times as far away as the other two.
+    assert float(np.hypot(found.along_mps, found.across_mps)[0, 0]) < 0.1
