@@ -127,7 +127,7 @@ async def _host_real_drone(
         mqtt_url=brokers[drone.drone_id],
         disturbances=UNDISTURBED,
     )
-    async with mavlink_link(mavlink.address, clock) as link:
+    async with mavlink_link(mavlink.address, clock, system_id=mavlink.system_id) as link:
         vehicle = await ready_vehicle(drone.model, clock, link, mavlink)
         await _keep_flying(
             drone, folder, vehicle=vehicle, clock=clock, book=book, make_link=make_link

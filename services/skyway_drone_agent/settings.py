@@ -103,7 +103,8 @@ def _mavlink(given: argparse.Namespace) -> MavlinkSettings | None:
     kind, _, address = given.vehicle.partition(":")
     if kind != "mavlink" or not address:
         raise InvalidSettings(f"a vehicle is mavlink:ADDRESS, not {given.vehicle!r}")
-    return MavlinkSettings(address, PayloadRelease.parse(given.payload), given.altitude_m)
+    payload = PayloadRelease.parse(given.payload)
+    return MavlinkSettings(address, payload, given.altitude_m, system_id=given.system_id)
 
 
 def _enrolment(given: argparse.Namespace, environment: Mapping[str, str]) -> EnrolmentSettings:
@@ -182,6 +183,9 @@ def _add_vehicle(parser: argparse.ArgumentParser) -> None:
     )
     vehicle.add_argument(
         "--altitude-m", type=float, default=60.0, metavar="M", help="above the take-off"
+    )
+    vehicle.add_argument(
+        "--system-id", type=int, metavar="N", help="its autopilot's, if the link has several"
     )
 
 

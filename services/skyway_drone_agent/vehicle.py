@@ -44,6 +44,7 @@ class Reading:
     `consumed_j` counts the energy that left the battery since the vehicle was switched on. Charging
     counts backwards. `current_a` is negative while charging. Speeds are vectors, east and north:
     over ground, and through the air. `load_kg` is the mass on board, None without such a sensor.
+    A battery that no longer reports has its last voltage. `cells` are in series.
     """
 
     at: datetime
@@ -58,8 +59,10 @@ class Reading:
     temperature_c: float
     load_kg: float | None = None
     has_gps: bool = True
+    has_battery: bool = True
     motors_work: bool = True
     pad_is_free: bool = True
+    cells: int = 6
 
     @property
     def power_w(self) -> float:

@@ -1,7 +1,7 @@
 """The analysis on board: makes an assessment of the drone from each reading of its sensors."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Final
 
@@ -70,6 +70,7 @@ class Assessment:
     legs_ahead: tuple[Leg, ...]
     off_course_m: float
     has_gps: bool
+    has_battery: bool
     motors_work: bool
     pad_is_free: bool
     load_kg: float
@@ -167,6 +168,7 @@ class Analysis:
     ) -> BatteryEstimate:
         """The battery estimate after this reading."""
         charge, health = self._charge, self._health
+        reading = _as_pack(reading, self._pack)
         capacity_j = self._model.battery_j * health.state_of_health
         if charge is None:
             soc, error = first_charge(
@@ -178,7 +180,8 @@ class Analysis:
             capacity_j=capacity_j,
             capacity_error=health.error / health.state_of_health,
         )
-        health.update(reading, resistance_ohm=charge.resistance_ohm)
+        if reading.has_battery:
+            health.update(reading, resistance_ohm=charge.resistance_ohm)
         return charge
 
     def _assess(
@@ -210,6 +213,7 @@ class Analysis:
             legs_ahead=self._legs.ahead(logbook),
             off_course_m=off_course_m(leg, reading.position) if leg else 0.0,
             has_gps=reading.has_gps,
+            has_battery=reading.has_battery,
             motors_work=reading.motors_work,
             pad_is_free=reading.pad_is_free,
             load_kg=logbook.load_kg if reading.load_kg is None else reading.load_kg,
@@ -224,6 +228,16 @@ class Analysis:
             return None
         need_j = self._needs.need_j(reading, leg, flights, reach=reach)
         return NextLanding(flights[-1].step.to_id, need_j, reach.soc_after(need_j))
+
+
+def _as_pack(reading: Reading, pack: BatteryPack) -> Reading:
+    """The same power at the voltage of a battery with the pack's number of cells."""
+    if reading.cells == pack.cells:
+        return reading
+    factor = pack.cells / reading.cells
+    return replace(
+        reading, voltage_v=reading.voltage_v * factor, current_a=reading.current_a / factor
+    )
 
 
 class Lookout:

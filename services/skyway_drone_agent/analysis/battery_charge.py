@@ -109,7 +109,8 @@ class BatteryEstimate:
             used = (reading.consumed_j - before.consumed_j) / capacity_j
             self._count(used, error=math.hypot(_COUNTING_ERROR, capacity_error))
             self._resistance.update(before, reading, soc_before=soc_before, soc=self.soc)
-            self._correct(reading, seconds=(reading.at - before.at).total_seconds())
+            if reading.has_battery:
+                self._correct(reading, seconds=(reading.at - before.at).total_seconds())
         self._last = (reading, self.soc)
 
     def _count(self, used: float, *, error: float) -> None:

@@ -46,6 +46,7 @@ TABLE: Final[dict[Fault, tuple[Failsafe, ...]]] = {
     Fault.BATTERY_LOW:         (_GO,    _GO,    _GO,    _GO,     _GO,     _WARN,  _GO),
     Fault.GEOFENCE:            (_GO,    _GO,    _GO,    _GO,     _GO,     _TURN,  _GO),
     Fault.GPS_LOST:            (_NEXT,  _NEXT,  _NEXT,  _NEXT,   _NEXT,   _DOWN,  _GO),
+    Fault.BATTERY_UNKNOWN:     (_NEXT,  _NEXT,  _NEXT,  _NEXT,   _NEXT,   _NEXT,  _GO),
     Fault.LINK_LOST:           (_NEXT,  _NEXT,  _NEXT,  _NEXT,   _NEXT,   _NEXT,  _GO),
     Fault.CLOUD_SILENT:        (_NEXT,  _NEXT,  _NEXT,  _NEXT,   _NEXT,   _NEXT,  _GO),
     Fault.DISK_FULL:           (_STAY,  _STAY,  _STAY,  _STAY,   _STAY,   _NEXT,  _WARN),

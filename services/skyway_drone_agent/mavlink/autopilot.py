@@ -9,23 +9,29 @@ from typing import Any, Final
 from skyway.drone.model import DroneModel
 from skyway.geo import Position, distance_m
 from skyway.runtime.clock import FleetClock
-from skyway_drone_agent.mavlink.link import MavlinkMessage, finished_within
+from skyway_drone_agent.mavlink.batteries import Batteries
+from skyway_drone_agent.mavlink.fields import MavlinkMessage, known
+from skyway_drone_agent.mavlink.link import finished_within, is_of_aircraft
 from skyway_drone_agent.vehicle import BatteryPack, Reading
 
-#: Wall time after which a position counts as lost.
+#: Wall time after which a value counts as unknown, unless its message is repeated.
 _FRESH: Final = timedelta(seconds=5)
 
 #: GPS_RAW_INT: the least fix that is a position in space.
 _FIX_3D: Final = 3
 
-_NO_CELL, _NO_TEMPERATURE = 65_535, 32_767
+#: The battery's temperature if no message states it.
+_MILD_C: Final = 25.0
 
-#: A coulomb for each mAh, and a joule for each hJ, of BATTERY_STATUS.
-_C_PER_MAH, _J_PER_HJ = 3.6, 100.0
+#: Volts of a cell in use, and in the middle of its curve.
+_LEAST_CELL_V, _MOST_CELL_V, _MIDDLE_CELL_V = 3.0, 4.4, 3.8
+
+#: East and north, metres per second.
+_Velocity = tuple[float, float]
 
 
 class Autopilot:
-    """The newest of each value; `None` stands for the numbers that mean "unknown" in MAVLink."""
+    """The newest of each value; `None` stands for what the autopilot does not know, or not now."""
 
     def __init__(self, model: DroneModel, dialect: Any, clock: FleetClock) -> None:
         self._model = model
@@ -33,33 +39,29 @@ class Autopilot:
         self._clock = clock
         self._news = asyncio.Event()
         self._pack = BatteryPack()
-        self._position_wall_at: datetime | None = None
-        self._has_fix = True
-        self._voltage_v: float | None = None
-        self._current_a: float | None = None
-        self._consumed_j: float | None = None
-        self._consumed_mah = 0
-        self._cells_v: tuple[float, ...] = ()
-        self._temperature_c = 25.0
+        self._batteries = Batteries(dialect, model.battery_j)
+        #: Wall moments of the newest message of each type that had a known value.
+        self._heard_at: dict[str, datetime] = {}
+        self._fixes: dict[str, float] = {}
+        self._ground_mps: _Velocity | None = None
         self._air_speed_mps: float | None = None
-        self._heading_deg = 0.0
-        self._wind_mps: tuple[float, float] | None = None
+        self._heading_deg: float | None = None
+        self._wind_mps: _Velocity | None = None
+        self._landed_state: int | None = None
         self._sensors_work = True
         self.kind: int | None = None
         self.position: Position | None = None
-        self.ground_mps = (0.0, 0.0)
-        self.soc: float | None = None
         self.is_armed = False
         self.state: int | None = None
-        self.landed_state: int | None = None
         self.item_now: int | None = None
         self.item_reached = -1
 
     def handle(self, message: MavlinkMessage) -> None:
-        """Store the values of a message; other kinds of messages are ignored."""
-        reading = _READERS.get(message.get_type())
-        if reading is not None:
-            reading(self, message)
+        """Store the known values of a message; other kinds of messages are ignored."""
+        kind = message.get_type()
+        reading = _READERS.get(kind)
+        if reading is not None and reading(self, message):
+            self._heard_at[kind] = self._clock.wall_now()
             self._news.set()
 
     async def until(self, claim: Callable[[], bool], *, timeout_s: float | None = None) -> bool:
@@ -77,6 +79,35 @@ class Autopilot:
     def has_reported(self) -> bool:
         """Whether it has reported its type, its place, and whether it stands."""
         return None not in (self.kind, self.position, self.landed_state)
+
+    @property
+    def soc(self) -> float | None:
+        """The charge of the batteries that the drone flies on."""
+        charge = self._batteries.charge(self._clock.wall_now())
+        return charge.soc if charge is not None and charge.is_known else None
+
+    def least_soc(self, last_soc: float) -> float:
+        """The charge after a silent battery gave on; `last_soc` if no message ever stated it."""
+        charge = self._batteries.charge(self._clock.wall_now())
+        if charge is None or charge.soc is None:
+            return last_soc
+        return max(0.0, charge.soc - charge.drawn_unseen_j / self._model.battery_j)
+
+    @property
+    def ground_mps(self) -> _Velocity:
+        """Over ground; zero if it is unknown."""
+        return self._ground_mps or (0.0, 0.0)
+
+    @property
+    def landed_state(self) -> int | None:
+        """None if the state is no longer repeated, although there are heartbeats."""
+        heard_at, beat_at = (
+            self._heard_at.get("EXTENDED_SYS_STATE"),
+            self._heard_at.get("HEARTBEAT"),
+        )
+        if heard_at is None or beat_at is None or beat_at - heard_at <= _FRESH:
+            return self._landed_state
+        return None
 
     @property
     def is_ardupilot(self) -> bool:
@@ -97,8 +128,9 @@ class Autopilot:
 
     @property
     def power_w(self) -> float:
-        """The power drawn from the battery."""
-        return (self._voltage_v or 0.0) * (self._current_a or 0.0)
+        """The power drawn from the batteries; 0 if it is unknown."""
+        charge = self._batteries.charge(self._clock.wall_now())
+        return charge.power_w if charge is not None else 0.0
 
     def is_near(self, place: Position, *, within_m: float) -> bool:
         """Whether the drone is at this place; False if that is unknown."""
@@ -110,109 +142,133 @@ class Autopilot:
 
     def reading(self, at: datetime, *, last_position: Position, last_soc: float) -> Reading:
         """The newest values as one reading; missing values come from the reading before."""
-        soc = self.soc if self.soc is not None else last_soc
-        current_a = self._current_a or 0.0
-        voltage_v = self._voltage_v
+        charge, soc = self._batteries.charge(self._clock.wall_now()), self.least_soc(last_soc)
+        voltage_v = charge.voltage_v if charge is not None else None
+        cells_v = charge.cells_v if charge is not None else ()
         if voltage_v is None:
             voltage_v = self._pack.open_voltage_v(soc)
-        cells_v = self._cells_v or (voltage_v / self._pack.cells,)
-        consumed_j = self._consumed_j
-        if consumed_j is None:
-            consumed_j = (1.0 - soc) * self._model.battery_j
+        cells = len(cells_v) or self._cells_of(voltage_v)
+        temperature_c = charge.temperature_c if charge is not None else None
         return Reading(
             at=at,
             position=self.position or last_position,
             ground_mps=self.ground_mps,
             air_mps=self._air_mps(),
             voltage_v=voltage_v,
-            current_a=current_a,
-            consumed_j=consumed_j,
-            cell_low_v=min(cells_v),
-            cell_high_v=max(cells_v),
-            temperature_c=self._temperature_c,
-            has_gps=self._has_fix and self._is_position_fresh(),
+            current_a=charge.power_w / voltage_v if charge is not None else 0.0,
+            consumed_j=charge.consumed_j if charge is not None else 0.0,
+            cell_low_v=min(cells_v, default=voltage_v / cells),
+            cell_high_v=max(cells_v, default=voltage_v / cells),
+            temperature_c=_MILD_C if temperature_c is None else temperature_c,
+            has_gps=self._has_fix() and self._is_fresh("GLOBAL_POSITION_INT"),
+            has_battery=charge is not None and charge.is_known,
             motors_work=self._motors_work(),
+            cells=cells,
         )
 
-    def _air_mps(self) -> tuple[float, float]:
+    def _cells_of(self, voltage_v: float) -> int:
+        """The number of cells that explains the voltage of a whole battery."""
+        if _LEAST_CELL_V <= voltage_v / self._pack.cells <= _MOST_CELL_V:
+            return self._pack.cells
+        return max(1, round(voltage_v / _MIDDLE_CELL_V))
+
+    def _air_mps(self) -> _Velocity:
         """Air velocity: by the autopilot's wind, else along its heading, else as over ground."""
-        if self._wind_mps is not None:
-            east, north = self._wind_mps
-            return self.ground_mps[0] - east, self.ground_mps[1] - north
-        if not self._air_speed_mps:
+        ground_mps, wind_mps = self._ground_mps, self._wind_mps
+        if ground_mps is not None and wind_mps is not None and self._is_fresh("WIND_COV"):
+            return ground_mps[0] - wind_mps[0], ground_mps[1] - wind_mps[1]
+        if ground_mps is None or not (self._air_speed_mps and self._is_fresh("VFR_HUD")):
             return self.ground_mps
+        if self._heading_deg is None:
+            return ground_mps
         nose = math.radians(self._heading_deg)
         return self._air_speed_mps * math.sin(nose), self._air_speed_mps * math.cos(nose)
 
-    def _is_position_fresh(self) -> bool:
-        seen_at = self._position_wall_at
-        return seen_at is not None and self._clock.wall_now() - seen_at <= _FRESH
+    def _has_fix(self) -> bool:
+        """Whether a satellite receiver has reported a position in space a short while ago."""
+        return any(fix >= _FIX_3D and self._is_fresh(kind) for kind, fix in self._fixes.items())
+
+    def _is_fresh(self, kind: str) -> bool:
+        heard_at = self._heard_at.get(kind)
+        return heard_at is not None and self._clock.wall_now() - heard_at <= _FRESH
 
     def _motors_work(self) -> bool:
-        return self._sensors_work and self.state != self._dialect.MAV_STATE_EMERGENCY
+        stopped = (
+            self._dialect.MAV_STATE_EMERGENCY,
+            self._dialect.MAV_STATE_FLIGHT_TERMINATION,
+        )
+        return self._sensors_work and self.state not in stopped
 
-    def _heartbeat(self, message: MavlinkMessage) -> None:
+    # The readers return whether the message stated a value.
+
+    def _heartbeat(self, message: MavlinkMessage) -> bool:
+        if not is_of_aircraft(message, self._dialect):
+            return False
         self.kind, self.state = message.autopilot, message.system_status
         self.is_armed = bool(message.base_mode & self._dialect.MAV_MODE_FLAG_SAFETY_ARMED)
+        return True
 
-    def _extended_sys_state(self, message: MavlinkMessage) -> None:
-        self.landed_state = message.landed_state
+    def _extended_sys_state(self, message: MavlinkMessage) -> bool:
+        self._landed_state = message.landed_state
+        return known(message, "landed_state") is not None
 
-    def _global_position_int(self, message: MavlinkMessage) -> None:
-        self.position = Position(message.lon / 1e7, message.lat / 1e7)
-        self.ground_mps = (message.vy / 100, message.vx / 100)  # vx is to the north
-        self._position_wall_at = self._clock.wall_now()
+    def _global_position_int(self, message: MavlinkMessage) -> bool:
+        longitude_deg, latitude_deg = known(message, "lon"), known(message, "lat")
+        # Before the first fix autopilots send 0/0, or the place where they were switched off.
+        if longitude_deg is None or latitude_deg is None or not self._has_fix():
+            return False
+        if (longitude_deg, latitude_deg) == (0.0, 0.0):
+            return False
+        self.position = Position(longitude_deg, latitude_deg)
+        self._ground_mps = _velocity(
+            known(message, "vy"), known(message, "vx")
+        )  # x is to the north
+        return True
 
-    def _gps_raw_int(self, message: MavlinkMessage) -> None:
-        self._has_fix = message.fix_type >= _FIX_3D
+    def _gps(self, message: MavlinkMessage) -> bool:
+        self._fixes[message.get_type()] = known(message, "fix_type") or 0.0
+        return True
 
-    def _vfr_hud(self, message: MavlinkMessage) -> None:
-        self._air_speed_mps, self._heading_deg = message.airspeed, float(message.heading)
+    def _vfr_hud(self, message: MavlinkMessage) -> bool:
+        self._air_speed_mps = known(message, "airspeed")
+        self._heading_deg = known(message, "heading")
+        return True
 
-    def _wind_cov(self, message: MavlinkMessage) -> None:
-        self._wind_mps = (message.wind_y, message.wind_x)  # x is to the north
+    def _wind_cov(self, message: MavlinkMessage) -> bool:
+        self._wind_mps = _velocity(known(message, "wind_y"), known(message, "wind_x"))
+        return True
 
-    def _battery_status(self, message: MavlinkMessage) -> None:
-        cells_v = tuple(one / 1000 for one in message.voltages if one not in (0, _NO_CELL))
-        if cells_v:
-            self._voltage_v = sum(cells_v)
-            # A single number is the voltage of the whole pack.
-            self._cells_v = cells_v if len(cells_v) > 1 else ()
-        if message.current_battery >= 0:
-            self._current_a = message.current_battery / 100
-        if message.energy_consumed >= 0:
-            self._consumed_j = message.energy_consumed * _J_PER_HJ
-        elif message.current_consumed >= 0 and self._voltage_v is not None:
-            drawn_mah = message.current_consumed - self._consumed_mah
-            self._consumed_mah = message.current_consumed
-            drawn_j = drawn_mah * _C_PER_MAH * self._voltage_v
-            self._consumed_j = (self._consumed_j or 0.0) + drawn_j
-        if message.battery_remaining >= 0:
-            self.soc = min(1.0, message.battery_remaining / 100)
-        if message.temperature != _NO_TEMPERATURE:
-            self._temperature_c = message.temperature / 100
+    def _battery_status(self, message: MavlinkMessage) -> bool:
+        self._batteries.put(message, self._clock.wall_now())
+        return True
 
-    def _sys_status(self, message: MavlinkMessage) -> None:
+    def _sys_status(self, message: MavlinkMessage) -> bool:
         motors = self._dialect.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
         is_watched = message.onboard_control_sensors_enabled & motors
         self._sensors_work = not is_watched or bool(message.onboard_control_sensors_health & motors)
-        if self._voltage_v is None and message.voltage_battery != _NO_CELL:
-            self._voltage_v = message.voltage_battery / 1000
-        if self.soc is None and message.battery_remaining >= 0:
-            self.soc = min(1.0, message.battery_remaining / 100)
+        self._batteries.put_unnamed(message, self._clock.wall_now())
+        return True
 
-    def _mission_current(self, message: MavlinkMessage) -> None:
-        self.item_now = message.seq
+    def _mission_current(self, message: MavlinkMessage) -> bool:
+        has_mission = known(message, "total") is not None
+        self.item_now = message.seq if has_mission else None
+        return True
 
-    def _mission_item_reached(self, message: MavlinkMessage) -> None:
+    def _mission_item_reached(self, message: MavlinkMessage) -> bool:
         self.item_reached = max(self.item_reached, message.seq)
+        return True
 
 
-_READERS: Final[dict[str, Callable[[Autopilot, MavlinkMessage], None]]] = {
+def _velocity(east_mps: float | None, north_mps: float | None) -> _Velocity | None:
+    return None if east_mps is None or north_mps is None else (east_mps, north_mps)
+
+
+_READERS: Final[dict[str, Callable[[Autopilot, MavlinkMessage], bool]]] = {
     "HEARTBEAT": Autopilot._heartbeat,
     "EXTENDED_SYS_STATE": Autopilot._extended_sys_state,
     "GLOBAL_POSITION_INT": Autopilot._global_position_int,
-    "GPS_RAW_INT": Autopilot._gps_raw_int,
+    "GPS_RAW_INT": Autopilot._gps,
+    "GPS2_RAW": Autopilot._gps,
     "VFR_HUD": Autopilot._vfr_hud,
     "WIND_COV": Autopilot._wind_cov,
     "BATTERY_STATUS": Autopilot._battery_status,

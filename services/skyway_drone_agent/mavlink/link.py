@@ -14,17 +14,21 @@ from typing import Any, Final, Never, TypeVar
 
 from skyway.runtime.clock import FleetClock, sleep_wall
 from skyway.runtime.errors import InvalidSettings
+from skyway_drone_agent.mavlink.fields import MavlinkMessage
 
 log = logging.getLogger(__name__)
 
 #: Wall seconds between two heartbeats of ours, as MAVLink asks of every component.
 _HEARTBEAT_S: Final = 1.0
 
-#: A system id like the drone's own, so that its autopilot takes us for its companion.
-_OUR_SYSTEM: Final = 1
+#: Our system id before we know the drone's own. Then we use that one, so that the drone's autopilot
+#: takes us for its companion.
+_FIRST_SYSTEM: Final = 1
 
-#: A MAVLink message; Any, for pymavlink makes their classes at run time.
-MavlinkMessage = Any
+#: MAV_TYPE: what flies. Not antenna trackers and ground vehicles, which have autopilots too.
+_AIRCRAFT: Final = frozenset(
+    (*range(5), *range(7, 10), *range(13, 18), *range(19, 26), 28, 29, 35, 43)
+)
 
 T = TypeVar("T")
 
@@ -60,8 +64,12 @@ class MavlinkLink:
         connection: Any,  # pymavlink has no types
         dialect: Any,
         clock: FleetClock,
+        *,
+        system_id: int | None = None,
     ) -> None:
         self._connection = connection
+        self._system_id = system_id
+        self._others: set[tuple[int, int]] = set()
         self.clock = clock
         self._queues: list[MessageQueue] = []
         self._listeners: list[Callable[[MavlinkMessage], None]] = []
@@ -94,9 +102,9 @@ class MavlinkLink:
             if kind == "BAD_DATA":
                 continue
             source = (message.get_srcSystem(), message.get_srcComponent())
-            if kind == "HEARTBEAT" and message.autopilot != self.dialect.MAV_AUTOPILOT_INVALID:
+            if kind == "HEARTBEAT" and is_of_aircraft(message, self.dialect):
                 self._found(source)
-            if not self._target.done() or source != self._target.result():
+            if source != self._chosen or not self._is_for_us(message):
                 continue
             for listener in self._listeners:
                 listener(message)
@@ -105,9 +113,24 @@ class MavlinkLink:
                     queue.put(message)
 
     def _found(self, source: tuple[int, int]) -> None:
-        if not self._target.done():
+        told = {"system": source[0], "component": source[1]}
+        if not self._target.done() and self._system_id in (None, source[0]):
             self._target.set_result(source)
-            log.info("autopilot found", extra={"system": source[0], "component": source[1]})
+            self.mav.srcSystem = source[0]
+            log.info("autopilot found", extra=told)
+        elif source not in self._others and source != self._chosen:
+            self._others.add(source)
+            log.warning("another autopilot on the link is ignored: see --system-id", extra=told)
+
+    @property
+    def _chosen(self) -> tuple[int, int] | None:
+        return self._target.result() if self._target.done() else None
+
+    def _is_for_us(self, message: MavlinkMessage) -> bool:
+        """Whether a message is for everybody or for us, not an answer to another ground station."""
+        return getattr(message, "target_system", 0) in (0, self.mav.srcSystem) and getattr(
+            message, "target_component", 0
+        ) in (0, self.mav.srcComponent)
 
     async def beat(self) -> Never:
         """Send our heartbeat for ever."""
@@ -118,9 +141,19 @@ class MavlinkLink:
             await sleep_wall(self.clock, _HEARTBEAT_S)
 
 
+def is_of_aircraft(heartbeat: MavlinkMessage, dialect: Any) -> bool:  # pymavlink's numbers
+    """Whether a heartbeat comes from the autopilot of a drone, not from a camera or a person."""
+    is_autopilot = heartbeat.autopilot != dialect.MAV_AUTOPILOT_INVALID
+    return is_autopilot and heartbeat.type in _AIRCRAFT
+
+
 @contextlib.asynccontextmanager
-async def mavlink_link(address: str, clock: FleetClock) -> AsyncIterator[MavlinkLink]:
+async def mavlink_link(
+    address: str, clock: FleetClock, *, system_id: int | None = None
+) -> AsyncIterator[MavlinkLink]:
     """The connection at an address in pymavlink's form: ``udpin:127.0.0.1:14550``.
+
+    Without `system_id` the first autopilot that is heard is the drone's.
 
     Raises
     ------
@@ -128,7 +161,7 @@ async def mavlink_link(address: str, clock: FleetClock) -> AsyncIterator[Mavlink
         pymavlink is not installed, or cannot open the address.
     """
     connection, dialect = await asyncio.to_thread(_opened, address)
-    link = MavlinkLink(connection, dialect, clock)
+    link = MavlinkLink(connection, dialect, clock, system_id=system_id)
     loop, descriptor = asyncio.get_running_loop(), connection.fd
     loop.add_reader(descriptor, link.read)
     beating = asyncio.create_task(link.beat())
@@ -151,7 +184,7 @@ def _opened(address: str) -> tuple[Any, Any]:  # pymavlink has no types
     companion = mavutil.mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
     try:
         connection = mavutil.mavlink_connection(
-            address, source_system=_OUR_SYSTEM, source_component=companion
+            address, source_system=_FIRST_SYSTEM, source_component=companion
         )
     except (OSError, ValueError, IndexError) as error:
         raise NoMavlink(f"no MAVLink connection at {address}: {error}") from error

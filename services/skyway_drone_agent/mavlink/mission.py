@@ -8,7 +8,8 @@ from typing import Any, Final
 from skyway.contracts.flight_step import FlyStep
 from skyway.errors import SkywayError
 from skyway.geo import Position
-from skyway_drone_agent.mavlink.link import MavlinkLink, MavlinkMessage, MessageQueue
+from skyway_drone_agent.mavlink.fields import MavlinkMessage
+from skyway_drone_agent.mavlink.link import MavlinkLink, MessageQueue
 
 log = logging.getLogger(__name__)
 

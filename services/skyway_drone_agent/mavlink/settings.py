@@ -54,13 +54,17 @@ class MavlinkSettings:
     """The address of the autopilot, and how its drone is used.
 
     A release that is not answered for `release_s` of wall time may have been done, or not.
+    Without `system_id` the first autopilot that is heard is the drone's.
     """
 
     address: str
     payload: PayloadRelease
     altitude_m: float
     release_s: float = 10.0
+    system_id: int | None = None
 
     def __post_init__(self) -> None:
         if not 1.0 <= self.altitude_m <= 500.0 or math.isnan(self.altitude_m):
             raise InvalidSettings(f"--altitude-m is 1 to 500, not {self.altitude_m:g}")
+        if self.system_id is not None and not 1 <= self.system_id <= 255:
+            raise InvalidSettings(f"--system-id is 1 to 255, not {self.system_id}")

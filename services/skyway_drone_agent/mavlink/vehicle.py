@@ -116,6 +116,7 @@ class MavlinkVehicle:
             dialect.MAVLINK_MSG_ID_SYS_STATUS,
             dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
             dialect.MAVLINK_MSG_ID_GPS_RAW_INT,
+            dialect.MAVLINK_MSG_ID_GPS2_RAW,
             dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
             dialect.MAVLINK_MSG_ID_WIND_COV,
         ):
@@ -251,7 +252,7 @@ class MavlinkVehicle:
         return Outcome(max(self._clock.now(), run.started_at), soc, used_j)
 
     def _soc(self, run: StepRun) -> float:
-        return run.soc if self._autopilot.soc is None else self._autopilot.soc
+        return self._autopilot.least_soc(run.soc)
 
 
 async def ready_vehicle(

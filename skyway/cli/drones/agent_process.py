@@ -90,6 +90,13 @@ AltitudeOption = Annotated[
     float | None, typer.Option(help="Of a real drone: metres above the take-off point.")
 ]
 
+SystemIdOption = Annotated[
+    int | None,
+    typer.Option(
+        help="Of a real drone: its MAVLink system id, if the link has several.", min=1, max=255
+    ),
+]
+
 _BROKER: Final = "SKYWAY_MQTT_URL"
 _DRONES_BROKER: Final = "SKYWAY_MQTT_DRONE_URL"
 

@@ -18,6 +18,7 @@ from skyway.cli.drones.agent_process import (
     RotateOption,
     ScenarioOption,
     SeedOption,
+    SystemIdOption,
     VehicleOption,
     agent_arguments,
     become_agent,
@@ -44,6 +45,7 @@ def drone_command(
     vehicle: VehicleOption = None,
     payload: PayloadOption = None,
     altitude_m: AltitudeOption = None,
+    system_id: SystemIdOption = None,
     data: DataOption = None,
 ) -> None:
     """Run the agent of one drone until Ctrl-C.
@@ -60,6 +62,7 @@ def drone_command(
             "vehicle": vehicle,
             "payload": payload,
             "altitude-m": altitude_m,
+            "system-id": system_id,
         },
         absent_station,
     )

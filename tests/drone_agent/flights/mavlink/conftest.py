@@ -119,7 +119,7 @@ class Peer:
         if message.seq != self._expected or not self.incoming:
             return
         if message.seq == self.refused_item:
-            self.send("MISSION_ACK", 255, 0, mavlink.MAV_MISSION_UNSUPPORTED)
+            self.send("MISSION_ACK", 1, 191, mavlink.MAV_MISSION_UNSUPPORTED)
             return
         self.incoming[message.seq] = message
         if message.seq + 1 < len(self.incoming):
@@ -128,11 +128,11 @@ class Peer:
         self.missions.append(self.incoming)
         self.incoming, self.item, self._ticks = [], 0, 0
         self._from = self.position
-        self.send("MISSION_ACK", 255, 0, mavlink.MAV_MISSION_ACCEPTED)
+        self.send("MISSION_ACK", 1, 191, mavlink.MAV_MISSION_ACCEPTED)
 
     def _ask_for(self, seq: int) -> None:
         self._expected = seq
-        self.send("MISSION_REQUEST_INT", 255, 0, seq)
+        self.send("MISSION_REQUEST_INT", 1, 191, seq)
 
     def on_mission_set_current(self, message: Any) -> None:
         self.item = message.seq
