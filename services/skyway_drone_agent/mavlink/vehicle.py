@@ -99,6 +99,7 @@ class MavlinkVehicle:
         link.listen(self._autopilot.handle)
         self._flight: MavlinkFlight | None = None
         self._releases = Releases(link, clock, settings)
+        self._asking: asyncio.Task[None] | None = None
 
     @property
     def model(self) -> DroneModel:
@@ -108,6 +109,10 @@ class MavlinkVehicle:
     async def ready(self) -> None:
         """Wait for the autopilot's first message, then ask for the messages that we need."""
         await self._link.target()
+        await self._ask()
+        await self._autopilot.until(lambda: self._autopilot.has_reported)
+
+    async def _ask(self) -> None:
         dialect = self._link.dialect
         for message_id in (
             dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
@@ -123,7 +128,6 @@ class MavlinkVehicle:
             # Some autopilots lack some of these messages: a refusal changes nothing here.
             interval = dialect.MAV_CMD_SET_MESSAGE_INTERVAL
             await command_once(self._link, interval, message_id, _EVERY_US, timeout_s=_ASKED_S)
-        await self._autopilot.until(lambda: self._autopilot.has_reported)
 
     async def perform(self, run: StepRun) -> Outcome:
         """Do the step and return at its end; a call with the same run continues the step."""
@@ -161,7 +165,12 @@ class MavlinkVehicle:
 
     def read(self, doing: StepRun | Standing, at: datetime) -> Reading:
         """The last values that the autopilot reported, as one reading."""
-        return self._autopilot.reading(at, last_position=doing.position, last_soc=doing.soc)
+        reading = self._autopilot.reading(at, last_position=doing.position, last_soc=doing.soc)
+        is_complete = reading.has_gps and reading.has_battery
+        if not is_complete and (self._asking is None or self._asking.done()):
+            # An autopilot that has restarted sends nothing until it is asked again.
+            self._asking = asyncio.create_task(self._ask())
+        return reading
 
     async def land(self, run: StepRun) -> Outcome:
         """End a flight here and now, and return once the drone is down."""

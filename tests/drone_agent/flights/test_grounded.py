@@ -39,6 +39,7 @@ def ended(world: Any) -> list[int]:
     [
         ({"temperature_c": 70.0}, "BATTERY_HOT", 4, "STAY"),
         ({"has_gps": False}, "GPS_LOST", 6, "LAND_AT_NEXT"),
+        ({"has_battery": False}, "BATTERY_UNKNOWN", 6, "LAND_AT_NEXT"),
         ({"motors_work": False}, "MOTOR_FAILURE", 6, "LAND_AT_NEXT"),
     ],
 )

@@ -22,10 +22,12 @@ def test_without_a_vehicle_drones_are_simulated() -> None:
 def test_an_autopilots_address_payload_and_altitude_are_read() -> None:
     real = ["--vehicle", "mavlink:udpin:127.0.0.1:14550", "--payload", "servo:9:1900"]
 
-    mavlink = read_settings([*PLACES, *real, "--altitude-m", "80"], {}).mavlink
+    more = ["--altitude-m", "80", "--system-id", "7"]
+    mavlink = read_settings([*PLACES, *real, *more], {}).mavlink
 
     assert mavlink is not None
     assert (mavlink.address, mavlink.altitude_m) == ("udpin:127.0.0.1:14550", 80.0)
+    assert mavlink.system_id == 7
     assert mavlink.payload == PayloadRelease(9, pulse_us=1900)
 
 
@@ -36,6 +38,7 @@ def test_an_autopilots_address_payload_and_altitude_are_read() -> None:
         (["--vehicle", "mavlink:x", "--payload", "gripper"], "gripper:NUMBER or servo"),
         (["--vehicle", "mavlink:x", "--payload", "servo:9:100"], "500 to 2500"),
         (["--vehicle", "mavlink:x", "--altitude-m", "0"], "--altitude-m is 1 to 500, not 0"),
+        (["--vehicle", "mavlink:x", "--system-id", "256"], "--system-id is 1 to 255, not 256"),
     ],
 )
 def test_wrong_options_are_named(options: list[str], message: str) -> None:

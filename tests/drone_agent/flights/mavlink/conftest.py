@@ -54,6 +54,8 @@ class Peer:
         self.incoming: list[Any] = []
         self.released = 0
         self.modes: list[int] = []
+        #: How often each message was asked for.
+        self.asked: Counter[int] = Counter()
         #: How many messages of a type get lost before or after the peer; types that are sent twice.
         self.lost_messages: Counter[str] = Counter()
         self.not_sent: Counter[str] = Counter()
@@ -154,6 +156,8 @@ class Peer:
                 self.is_flying_mission = True
             case mavlink.MAV_CMD_DO_GRIPPER | mavlink.MAV_CMD_DO_SET_SERVO:
                 self.released += 1
+            case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+                self.asked[int(message.param1)] += 1
             case mavlink.MAV_CMD_DO_SET_MODE:
                 self.modes.append(int(message.param2))
             case mavlink.MAV_CMD_NAV_LAND:

@@ -102,5 +102,18 @@ async def test_without_a_fix_there_is_no_gps(
     await until(lambda: not drone_itself.read(standing(), world.clock.now()).has_gps)
 
 
+async def test_an_autopilot_that_falls_silent_is_asked_again(
+    world: Any, drone_itself: Any, peer: Any, until: Any
+) -> None:
+    peer.not_sent.update(BATTERY_STATUS=100_000)
+    asked = peer.asked[147]
+
+    await until(lambda: not drone_itself.read(standing(), world.clock.now()).has_battery)
+    await until(lambda: peer.asked[147] > asked)
+
+    peer.not_sent.clear()
+    await until(lambda: drone_itself.read(standing(), world.clock.now()).has_battery)
+
+
 def standing() -> Standing:
     return Standing(Position(-98.0, 30.0), soc=1.0, load_kg=0.0)
