@@ -222,12 +222,12 @@ class WebhookSender:
             event_type=notification.event_type,
             delivery_id=notification.delivery_id,
             number=notification.attempts + 1,
-            at=sent.at,
+            wall_at=sent.at,
             duration_ms=sent.duration_ms,
             outcome=_outcome(sent.reply, wait_s),
             status=sent.reply.status_class,
             detail=sent.reply.detail,
-            next_try_at=None if wait_s is None else sent.at + timedelta(seconds=wait_s),
+            next_try_wall_at=None if wait_s is None else sent.at + timedelta(seconds=wait_s),
         )
 
 

@@ -96,7 +96,7 @@ class Webhook(JsonModel):
     disabled_reason: Annotated[
         str | None, Field(description="Why it is disabled; null while it is active.")
     ]
-    created_at: WallTime
+    created_wall_at: WallTime
 
 
 class IssuedWebhook(Webhook):
@@ -119,7 +119,7 @@ class WebhookAttempt(JsonModel):
         DeliveryId | None, Field(description="The delivery of the event; null for a test event.")
     ]
     number: Annotated[int, Field(description="The number of this attempt at this event, from 1.")]
-    at: WallTime
+    wall_at: WallTime
     duration_ms: Annotated[
         int, Field(description="How long the attempt took, milliseconds of wall time.")
     ]
@@ -137,7 +137,7 @@ class WebhookAttempt(JsonModel):
         ),
     ]
     detail: Annotated[str | None, Field(description="What went wrong; null on success.")]
-    next_try_at: Annotated[
+    next_try_wall_at: Annotated[
         WallTime | None,
         Field(description="When the next attempt follows, wall time; null when none follows."),
     ]

@@ -44,7 +44,7 @@ async def _attempts(gateway: Gateway, webhook: dict[str, Any]) -> list[dict[str,
     path = f"/v1/webhooks/{webhook['webhook_id']}/attempts?limit=200"
     answer = await gateway.http.get(path, headers=gateway.customer)
     found: list[dict[str, Any]] = answer.json()["items"]
-    return sorted(found, key=lambda one: (one["at"], one["number"]))
+    return sorted(found, key=lambda one: (one["wall_at"], one["number"]))
 
 
 async def test_each_event_arrives_signed_in_sequence_under_its_id(
@@ -90,8 +90,8 @@ async def test_a_failed_notification_is_repeated_under_the_same_id(
         (2, "FAILED", None),
         (3, "DELIVERED", 200),
     ]
-    assert attempts[0]["next_try_at"] is not None
-    assert attempts[2]["next_try_at"] is None
+    assert attempts[0]["next_try_wall_at"] is not None
+    assert attempts[2]["next_try_wall_at"] is None
 
 
 async def test_later_events_of_a_delivery_wait_for_the_earlier_ones(
@@ -139,7 +139,7 @@ async def test_a_notification_is_given_up_after_its_last_attempt(
         if one["event_type"] == "delivery.requested"
     ]
     assert [one["outcome"] for one in attempts] == ["FAILED"] * 9 + ["GIVEN_UP"]
-    assert attempts[-1]["next_try_at"] is None
+    assert attempts[-1]["next_try_wall_at"] is None
     # The next event is sent independently.
     await _notify(gateway)
     assert receiver.types[-1] == "delivery.planned"
