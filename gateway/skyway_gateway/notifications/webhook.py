@@ -16,6 +16,7 @@ from pydantic import Field
 
 from skyway.bounds import Moment, NotNull
 from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.contracts.message import FleetMoment, Message
 from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId
 from skyway.json_model import JsonModel
 
@@ -171,17 +172,30 @@ class Notification:
         return found if isinstance(found, str) else None
 
 
-class TrialEvent(JsonModel):
-    """The event that a webhook receives when its customer tests it."""
+class TrialData(JsonModel):
+    """What a test event says."""
 
-    type: Annotated[Literal["webhook.test"], Field(description="The type of the event.")] = (
-        "webhook.test"
-    )
+    webhook_id: Annotated[WebhookId, Field(description="The webhook that is tested.")]
+
+
+class TrialEvent(Message):
+    """The event that a webhook receives when its customer tests it, with the members of all events.
+
+    There is no such delivery.
+    """
+
     event_id: Annotated[
         EventId, Field(description="The id of the event, which is also the `webhook-id` header.")
     ]
-    webhook_id: Annotated[WebhookId, Field(description="The webhook that is tested.")]
-    occurred_at: Annotated[datetime, Field(description="RFC 3339 UTC, fleet time.")]
+    type: Annotated[Literal["webhook.test"], Field(description="The type of the event.")] = (
+        "webhook.test"
+    )
+    delivery_id: Annotated[
+        Literal["webhook-test"], Field(description="Stands for a delivery: there is none.")
+    ] = "webhook-test"
+    sequence: Annotated[int, Field(ge=1, le=1, description="Always 1.")] = 1
+    occurred_at: Annotated[FleetMoment, Field(description="When it was sent, fleet time.")]
+    data: Annotated[TrialData, Field(description="What the event says.")]
 
 
 def new_webhook_secret() -> str:

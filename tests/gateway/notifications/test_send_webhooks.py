@@ -9,6 +9,7 @@ import pytest
 from skyway_gateway.notifications.webhook_store import due_endpoints
 from standardwebhooks import Webhook
 
+from skyway.contracts.message_examples import message_examples
 from tests.gateway.notifications.receiver import Receiver, receiving
 from tests.gateway.whole_gateway import Gateway
 
@@ -311,6 +312,10 @@ async def test_a_customer_can_test_a_webhook(gateway: Gateway, receiver: Receive
     answer = await gateway.http.post(path, headers=gateway.customer)
     assert (answer.status_code, answer.json()["outcome"]) == (200, "DELIVERED")
     assert receiver.types == ["webhook.test"]
+    ((_, event),) = receiver.received
+    assert set(message_examples()["DeliveryPlannedEvent"].model_dump(mode="json")) <= set(event)
+    assert (event["delivery_id"], event["sequence"]) == ("webhook-test", 1)
+    assert event["data"] == {"webhook_id": webhook["webhook_id"]}
     receiver.answers = [500]
     answer = await gateway.http.post(path, headers=gateway.customer)
     assert (answer.json()["outcome"], answer.json()["status"]) == ("GIVEN_UP", 500)
