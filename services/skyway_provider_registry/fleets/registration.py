@@ -10,6 +10,7 @@ from pydantic import Field
 from skyway.announced_networks import check_stations
 from skyway.broker_setup.passwords import PasswordHash
 from skyway.cells import CellClients
+from skyway.complaints import unknown_name
 from skyway.contracts.signature import CloudKeys
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.drone.model import DroneModel
@@ -194,7 +195,7 @@ def _of_one(
     unknown: Collection[StationId],
 ) -> Iterator[tuple[str, str]]:
     if drone.model_id not in models:
-        yield "model_id", f"no drone model is called {drone.model_id!r}"
+        yield "model_id", unknown_name("drone model", drone.model_id, models)
     if drone.home_station_id in unknown:
         yield "home_station_id", f"no station is called {drone.home_station_id!r}"
 
