@@ -7,7 +7,7 @@ an error would matter, ask composition: `check_stations` asks all its servers.
 """
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -86,6 +86,11 @@ class CachedNetworks:
             if station_id in network.places:
                 return network_id
         return None
+
+    def station_ids(self) -> Iterator[StationId]:
+        """The stations of all networks, outdated ones too."""
+        for network in {**self._outdated, **self._networks}.values():
+            yield from network.places
 
     def service_times_s(self, station_id: StationId) -> tuple[float, float]:
         """How long loading and a hand-over take in a station's network; 0 if it is not cached."""

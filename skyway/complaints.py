@@ -1,6 +1,8 @@
 """What is wrong with a field, in Skyway's words instead of those of pydantic and Python."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from itertools import islice
 from typing import Any, Final, get_args
 
 from pydantic_core.core_schema import ErrorType
@@ -65,6 +67,9 @@ _SENTENCES: Final = {
     "{error}": ("assertion_error", "value_error"),
 }
 _BY_KIND: Final = {kind: sentence for sentence, kinds in _SENTENCES.items() for kind in kinds}
+#: The most known names that are looked at, and of these the most that are compared letter by letter.
+_MOST_KNOWN: Final = 20_000
+_MOST_COMPARED: Final = 200
 _FOREIGN: Final = frozenset(get_args(ErrorType))
 
 
@@ -82,3 +87,20 @@ def sentence_of(complaint: Mapping[str, Any]) -> str:
 def fault_of(complaint: Mapping[str, Any], *above: str) -> tuple[str, str]:
     """The path of the field at fault below the fields `above`, and what is wrong with it."""
     return ".".join(map(str, (*above, *complaint["loc"]))), sentence_of(complaint)
+
+
+def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
+    """That nothing of this kind has the name, and which known name is near.
+
+    Only some of many known names are compared, so that a wrong name costs little.
+    """
+    ends = name[:2].lower(), name[-2:].lower()
+    similar = (
+        each
+        for each in islice(known, _MOST_KNOWN)
+        if ends[0] == each[:2].lower() or ends[1] == each[-2:].lower()
+    )
+    nearest = get_close_matches(name, islice(similar, _MOST_COMPARED), n=1)
+    return f"no {kind} is called {name!r}" + "".join(
+        f"; did you mean {near!r}?" for near in nearest
+    )

@@ -138,7 +138,7 @@ def _offers(answer: dict[str, Any], names: dict[str, str]) -> Iterator[str]:
             yield f"   arrival  {_moment(package['eta_at'])}  {package_id} at {place}{by}"
         yield from _margin(offer["margins"].get("risk"))
         kept = "its drones and pads are held until then" if offer["is_held"] else "nothing is held"
-        yield f"   expires  {_moment(offer['expires_at'])} wall time; {kept}"
+        yield f"   expires  {_moment(offer['expires_wall_at'])} wall time; {kept}"
         yield f"   accept   skyway accept {quote_id} {offer['offer_id']}"
 
 

@@ -27,7 +27,7 @@ class Figure(WireModel):
 class LoggedError(WireModel):
     """A kind of warning or error that a process has logged since its start."""
 
-    at: Annotated[WallMoment, Field(description="When it was logged last.")]
+    wall_at: Annotated[WallMoment, Field(description="When it was logged last, wall time.")]
     level: Annotated[str, Field(description="WARNING, ERROR or CRITICAL.", examples=["ERROR"])]
     event: Annotated[str, Field(description="What happened.", examples=["send failed"])]
     reason: Annotated[

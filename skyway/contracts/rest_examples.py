@@ -279,7 +279,7 @@ BY_SCHEMA: Final[Mapping[str, Any]] = {
     },
     "DeliveryRequest": _REQUEST,
     "QuoteRequest": {**_REQUEST, "hold": True},
-    "ReplayRequest": {"from": "2026-03-02T09:00:00Z", "to": "2026-03-02T12:00:00Z"},
+    "ReplayRequest": {"from_wall_at": "2026-03-02T09:00:00Z", "to_wall_at": "2026-03-02T12:00:00Z"},
     "DroneModel": _MODEL,
     "NetworkDocument": _NETWORK,
     "Plan": _PLAN,

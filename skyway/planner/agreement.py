@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 
+from skyway.complaints import unknown_name
 from skyway.delivery.request import MAX_TRIP_DESTINATIONS
 from skyway.errors import FieldFault
 from skyway.ids import PackageId, StationId
@@ -147,7 +148,7 @@ def _of_closures(network: Network, closures: Sequence[Closure]) -> Iterator[Fiel
 
 def _of_station(network: Network, field: str, station_id: StationId) -> Iterator[FieldFault]:
     if station_id not in network.stations:
-        yield FieldFault(field, f"no station is called {station_id!r}")
+        yield FieldFault(field, unknown_name("station", station_id, network.stations))
 
 
 def _reversed(field: str, span: PadReservation | Closure) -> FieldFault:

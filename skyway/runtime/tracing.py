@@ -211,7 +211,7 @@ class LastErrors(logging.Handler):
         with self._guard:
             earlier = self._kinds.pop(kind, None)
             self._kinds[kind] = LoggedError(
-                at=datetime.fromtimestamp(record.created, UTC),
+                wall_at=datetime.fromtimestamp(record.created, UTC),
                 level=record.levelname,
                 event=record.getMessage()[:_LONGEST_TEXT],
                 reason=_reason_of(record),

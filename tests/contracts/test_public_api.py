@@ -199,3 +199,18 @@ def test_every_delivery_event_has_a_schema_of_its_own() -> None:
         form = SCHEMAS[reference.rpartition("/")[2]]
         assert form["properties"]["type"]["const"] == kind
         assert form["properties"]["data"]["$ref"]
+
+
+def test_every_moment_is_of_the_fleets_clock_unless_its_name_says_wall() -> None:
+    """A customer sees one clock: `docs/reference/time.md` says which moments need the other."""
+    wrong = []
+    for name, model in SCHEMAS.items():
+        for field, schema in model.get("properties", {}).items():
+            if any(
+                each.get("format") == "date-time" for each in (schema, *schema.get("anyOf", ()))
+            ):
+                is_wall = "wall time" in schema.get("description", "").lower()
+                if is_wall != field.endswith("wall_at"):
+                    wrong.append(f"{name}.{field}")
+
+    assert not wrong

@@ -348,7 +348,7 @@ async def _make_callers(gateway: Gateway) -> None:
                     key_id=KeyId(f"key_{name}"),
                     role=role,
                     subject_id=SubjectId(subject_id),
-                    created_at=START,
+                    created_wall_at=START,
                 )
                 secret = secret_hash(f"sk_{name}")
                 await add_key(tx, key, key_hash=secret, is_account_open=True)

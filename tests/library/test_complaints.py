@@ -7,7 +7,7 @@ from pydantic import Field, HttpUrl, TypeAdapter, ValidationError
 from pydantic_core.core_schema import ErrorType
 
 from skyway.bounds import Moment
-from skyway.complaints import fault_of, sentence_of
+from skyway.complaints import fault_of, sentence_of, unknown_name
 from skyway.geo import Position
 from skyway.json_model import JsonModel
 
@@ -89,3 +89,18 @@ def test_an_error_of_our_own_keeps_its_words() -> None:
     own = {"type": "whole_number", "msg": "must be a whole number", "ctx": {}}
 
     assert sentence_of(own) == "must be a whole number"
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("san-marco", "no station is called 'san-marco'; did you mean 'san-marcos'?"),
+        ("sanmarcos", "no station is called 'sanmarcos'; did you mean 'san-marcos'?"),
+        ("San-Marcos", "no station is called 'San-Marcos'; did you mean 'san-marcos'?"),
+        ("kylle", "no station is called 'kylle'; did you mean 'kyle'?"),
+        ("vienna", "no station is called 'vienna'"),
+        ("", "no station is called ''"),
+    ],
+)
+def test_a_wrong_name_is_answered_with_the_nearest_known_one(name: str, said: str) -> None:
+    assert unknown_name("station", name, ["kyle", "san-marcos", "san-antonio"]) == said

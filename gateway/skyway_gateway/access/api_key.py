@@ -60,7 +60,7 @@ class NewKey(JsonModel):
             examples=[["deliveries:read"]],
         ),
     ] = None
-    expires_at: Annotated[
+    expires_wall_at: Annotated[
         Moment | None,
         Field(description="When it ends, wall time, at most ten years ahead; without this, never."),
     ] = None
@@ -69,7 +69,7 @@ class NewKey(JsonModel):
     def of_provider(cls, provider_id: ProviderId, maker: KeyHolder) -> Self:
         """The first key of a new provider, with the scopes and the expiry of its maker's key."""
         scopes = None if maker.scopes is None else tuple(sorted(maker.scopes))
-        limits = {"scopes": scopes, "expires_at": maker.expires_at}
+        limits = {"scopes": scopes, "expires_wall_at": maker.expires_at}
         return cls.model_validate({"role": "provider", "subject_id": provider_id, **limits})
 
     def refuse_unless_within(self, holder: KeyHolder) -> None:
@@ -86,10 +86,11 @@ class NewKey(JsonModel):
             )
         ends_at = holder.expires_at
         if ends_at is not None and (
-            self.expires_at is None or moment_to_ms(self.expires_at) > moment_to_ms(ends_at)
+            self.expires_wall_at is None
+            or moment_to_ms(self.expires_wall_at) > moment_to_ms(ends_at)
         ):
             raise AccessDenied(
-                f"expires_at: a key can give no later end than its own, {ends_at.isoformat()}"
+                f"expires_wall_at: a key can give no later end than its own, {ends_at.isoformat()}"
             )
 
     def refuse_bad_end(self, now: datetime) -> None:
@@ -100,14 +101,16 @@ class NewKey(JsonModel):
         InvalidInput
             It ends in the past, or too late.
         """
-        if self.expires_at is None:
+        if self.expires_wall_at is None:
             return
-        if moment_to_ms(self.expires_at) <= moment_to_ms(now):
-            raise InvalidInput("expires_at", f"must be in the future: now is {now.isoformat()}")
-        latest = now + LONGEST_LIFE
-        if self.expires_at > latest:
+        if moment_to_ms(self.expires_wall_at) <= moment_to_ms(now):
             raise InvalidInput(
-                "expires_at", f"must be within ten years, not after {latest.isoformat()}"
+                "expires_wall_at", f"must be in the future: now is {now.isoformat()}"
+            )
+        latest = now + LONGEST_LIFE
+        if self.expires_wall_at > latest:
+            raise InvalidInput(
+                "expires_wall_at", f"must be within ten years, not after {latest.isoformat()}"
             )
 
 
@@ -127,8 +130,8 @@ class ApiKey(JsonModel):
         tuple[Scope, ...] | None,
         Field(description="Which calls of the role it allows; null for all of them."),
     ] = None
-    created_at: Annotated[Moment, Field(description="RFC 3339 UTC, wall time")]
-    expires_at: Annotated[
+    created_wall_at: Annotated[Moment, Field(description="RFC 3339 UTC, wall time")]
+    expires_wall_at: Annotated[
         Moment | None,
         Field(
             description="When it ends, wall time; null for never. A key that was rotated ends "

@@ -179,8 +179,8 @@ class Keys:
                 subject_id=SubjectId(caller.subject_id),
                 name=old.name,
                 scopes=old.scopes,
-                created_at=now,
-                expires_at=old.expires_at,
+                created_wall_at=now,
+                expires_wall_at=old.expires_at,
                 replaces=key_id,
             )
             secret, login = _new_secret(), await self._next_login(tx, key, replaces=key_id)
@@ -233,7 +233,7 @@ class Keys:
         return ApiKey(
             key_id=KeyId(self._mint("key")),
             **requested.model_dump(),
-            created_at=self._clock.wall_now(),
+            created_wall_at=self._clock.wall_now(),
         )
 
 

@@ -34,9 +34,9 @@ class LoginCodes:
     async def make(self, tx: Tx, key_id: KeyId) -> tuple[str, datetime]:
         """A new code for this key, and when it expires."""
         code = secrets.token_urlsafe(_SECRET_BYTES)
-        expires_at = self._clock.wall_now() + CODE_LASTS
-        await session_link_store.add(tx, secret_hash(code), key_id, expires_at=expires_at)
-        return code, expires_at
+        expires_wall_at = self._clock.wall_now() + CODE_LASTS
+        await session_link_store.add(tx, secret_hash(code), key_id, expires_at=expires_wall_at)
+        return code, expires_wall_at
 
     def url_of(self, code: str) -> str:
         """The link with this code."""

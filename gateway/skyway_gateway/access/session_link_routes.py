@@ -25,8 +25,9 @@ class SessionLink(JsonModel):
             "opens it gets a session of the key."
         ),
     ]
-    expires_at: Annotated[
-        WallMoment, Field(description="When the link ends: ten minutes after it was made.")
+    expires_wall_at: Annotated[
+        WallMoment,
+        Field(description="When the link ends, wall time: ten minutes after it was made."),
     ]
 
 
@@ -46,7 +47,7 @@ def session_link_routes(*, db: Database, gate: KeyGate, codes: LoginCodes) -> Se
         """
         caller.must_be("customer", "provider", "operator")
         async with db.write() as tx:
-            code, expires_at = await codes.make(tx, KeyId(holder_of(request).key_id))
-        return SessionLink(url=codes.url_of(code), expires_at=expires_at)
+            code, expires_wall_at = await codes.make(tx, KeyId(holder_of(request).key_id))
+        return SessionLink(url=codes.url_of(code), expires_wall_at=expires_wall_at)
 
     return router

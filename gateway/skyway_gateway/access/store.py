@@ -207,7 +207,7 @@ def _is_in_use(at: datetime) -> ColumnElement[bool]:
 
 
 def _row(key: ApiKey, key_hash: str, is_account_open: bool, is_next: bool) -> dict[str, object]:
-    expires_ms = None if key.expires_at is None else moment_to_ms(key.expires_at)
+    expires_ms = None if key.expires_wall_at is None else moment_to_ms(key.expires_wall_at)
     return {
         "key_id": key.key_id,
         "key_hash": key_hash,
@@ -215,7 +215,7 @@ def _row(key: ApiKey, key_hash: str, is_account_open: bool, is_next: bool) -> di
         "subject_id": key.subject_id,
         "name": key.name,
         "scopes": None if key.scopes is None else json.dumps(key.scopes),
-        "created_wall_ms": moment_to_ms(key.created_at),
+        "created_wall_ms": moment_to_ms(key.created_wall_at),
         "expires_wall_ms": expires_ms,
         "ends_wall_ms": expires_ms,
         "replaces_key_id": key.replaces,
@@ -231,8 +231,8 @@ def _key(row: AnyRow) -> ApiKey:
         subject_id=row.subject_id,
         name=row.name,
         scopes=None if row.scopes is None else json.loads(row.scopes),
-        created_at=ms_to_moment(row.created_wall_ms),
-        expires_at=_moment(row.ends_wall_ms),
+        created_wall_at=ms_to_moment(row.created_wall_ms),
+        expires_wall_at=_moment(row.ends_wall_ms),
         replaces=row.replaces_key_id,
     )
 

@@ -43,25 +43,30 @@ class ReplayRequest(JsonModel):
     delivery_id: Annotated[DeliveryId | None, Field(description="All events of this delivery.")] = (
         None
     )
-    from_at: Annotated[
+    from_wall_at: Annotated[
         WallMoment | None,
-        Field(alias="from", description="All events recorded at this moment or later, wall time."),
+        Field(description="All events recorded at this moment or later, wall time."),
     ] = None
-    to_at: Annotated[
+    to_wall_at: Annotated[
         WallMoment | None,
         Field(
-            alias="to",
-            description="With `from`: only events recorded before this moment, wall time.",
+            description="With `from_wall_at`: only events recorded before this moment, wall time.",
         ),
     ] = None
 
     @model_validator(mode="after")
     def _says_one_thing(self) -> Self:
-        given = [self.event_ids is not None, self.delivery_id is not None, self.from_at is not None]
+        given = [
+            self.event_ids is not None,
+            self.delivery_id is not None,
+            self.from_wall_at is not None,
+        ]
         if sum(given) != 1:
-            raise ValueError("give one of event_ids, delivery_id and from")
-        if self.to_at is not None and (self.from_at is None or self.to_at <= self.from_at):
-            raise ValueError("to must come with from, and after it")
+            raise ValueError("give one of event_ids, delivery_id and from_wall_at")
+        if self.to_wall_at is not None and (
+            self.from_wall_at is None or self.to_wall_at <= self.from_wall_at
+        ):
+            raise ValueError("to_wall_at must come with from_wall_at, and after it")
         return self
 
 
@@ -102,7 +107,7 @@ async def replay(
         )
         if await _count_requested(tx.connection, which, at_most=_MOST_EVENTS) > _MOST_EVENTS:
             detail = f"more than {_MOST_EVENTS} events in one call: shorten the span"
-            raise InvalidInput("from", detail)
+            raise InvalidInput("from_wall_at", detail)
         queued = await _queue_again(tx, webhook_id, which, at=clock.wall_now())
         tx.after_commit(wake.set)
     count("skyway_webhook_replays", "notifications queued again", float(queued))
@@ -168,10 +173,12 @@ def _requested_events(
         return owned & is_subscribed & (events.c.delivery_id == requested.delivery_id)
     recorded = events.c.recorded_wall_ms
     is_in_span = (
-        true() if requested.from_at is None else recorded >= moment_to_ms(requested.from_at)
+        true()
+        if requested.from_wall_at is None
+        else recorded >= moment_to_ms(requested.from_wall_at)
     )
-    if requested.to_at is not None:
-        is_in_span &= recorded < moment_to_ms(requested.to_at)
+    if requested.to_wall_at is not None:
+        is_in_span &= recorded < moment_to_ms(requested.to_wall_at)
     return owned & is_subscribed & is_in_span
 
 

@@ -119,7 +119,7 @@ def webhook_routes(
             event_types=requested.event_types,
             state="ACTIVE",
             disabled_reason=None,
-            created_at=clock.wall_now(),
+            created_wall_at=clock.wall_now(),
             secret=new_webhook_secret(),
         )
 

@@ -41,7 +41,7 @@ class RotatedSecret(JsonModel):
     secret: Annotated[
         str, Field(description="The signing secret (`whsec_...`); it is shown only once.")
     ]
-    previous_until: Annotated[
+    previous_until_wall_at: Annotated[
         WallTime, Field(description="Until when the previous secret signs as well, wall time.")
     ]
 
@@ -90,7 +90,9 @@ def secret_routes(
             sealed = vault.seal(secret, webhook_id)
             after = StoredSecrets(webhook_id, sealed, (replaced, *previous))
             await put_secrets(tx, stored, after)
-            shown = RotatedSecret(webhook_id=webhook_id, secret=secret, previous_until=until)
+            shown = RotatedSecret(
+                webhook_id=webhook_id, secret=secret, previous_until_wall_at=until
+            )
             return Answer(201, shown.model_dump_json().encode())
 
         call = await keyed_call(request, caller, idempotency_key)

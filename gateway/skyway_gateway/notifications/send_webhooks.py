@@ -28,6 +28,7 @@ from skyway_gateway.notifications.webhook import (
     Endpoint,
     Notification,
     Outcome,
+    TrialData,
     TrialEvent,
     WebhookAttempt,
     asked_pause_s,
@@ -140,10 +141,13 @@ class WebhookSender:
 
     async def send_trial(self, endpoint: Endpoint) -> WebhookAttempt:
         """Send a test event once, before anything that is due, and store the attempt."""
+        now = self.clock.now()
         event = TrialEvent(
+            message_id=self.mint("msg"),
+            sent_at=now,
             event_id=EventId(self.mint("evt")),
-            webhook_id=endpoint.webhook_id,
-            occurred_at=self.clock.now(),
+            occurred_at=now,
+            data=TrialData(webhook_id=endpoint.webhook_id),
         )
         trial = Notification(
             event_id=event.event_id,
@@ -222,12 +226,12 @@ class WebhookSender:
             event_type=notification.event_type,
             delivery_id=notification.delivery_id,
             number=notification.attempts + 1,
-            at=sent.at,
+            wall_at=sent.at,
             duration_ms=sent.duration_ms,
             outcome=_outcome(sent.reply, wait_s),
             status=sent.reply.status_class,
             detail=sent.reply.detail,
-            next_try_at=None if wait_s is None else sent.at + timedelta(seconds=wait_s),
+            next_try_wall_at=None if wait_s is None else sent.at + timedelta(seconds=wait_s),
         )
 
 

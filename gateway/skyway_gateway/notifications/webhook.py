@@ -16,6 +16,7 @@ from pydantic import Field
 
 from skyway.bounds import Moment, NotNull
 from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.contracts.message import FleetMoment, Message
 from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId
 from skyway.json_model import JsonModel
 
@@ -96,7 +97,7 @@ class Webhook(JsonModel):
     disabled_reason: Annotated[
         str | None, Field(description="Why it is disabled; null while it is active.")
     ]
-    created_at: WallTime
+    created_wall_at: WallTime
     last_outcome: Annotated[
         Outcome | None,
         Field(
@@ -126,7 +127,7 @@ class WebhookAttempt(JsonModel):
         DeliveryId | None, Field(description="The delivery of the event; null for a test event.")
     ]
     number: Annotated[int, Field(description="The number of this attempt at this event, from 1.")]
-    at: WallTime
+    wall_at: WallTime
     duration_ms: Annotated[
         int, Field(description="How long the attempt took, milliseconds of wall time.")
     ]
@@ -144,7 +145,7 @@ class WebhookAttempt(JsonModel):
         ),
     ]
     detail: Annotated[str | None, Field(description="What went wrong; null on success.")]
-    next_try_at: Annotated[
+    next_try_wall_at: Annotated[
         WallTime | None,
         Field(description="When the next attempt follows, wall time; null when none follows."),
     ]
@@ -178,17 +179,30 @@ class Notification:
         return found if isinstance(found, str) else None
 
 
-class TrialEvent(JsonModel):
-    """The event that a webhook receives when its customer tests it."""
+class TrialData(JsonModel):
+    """What a test event says."""
 
-    type: Annotated[Literal["webhook.test"], Field(description="The type of the event.")] = (
-        "webhook.test"
-    )
+    webhook_id: Annotated[WebhookId, Field(description="The webhook that is tested.")]
+
+
+class TrialEvent(Message):
+    """The event that a webhook receives when its customer tests it, with the members of all events.
+
+    There is no such delivery.
+    """
+
     event_id: Annotated[
         EventId, Field(description="The id of the event, which is also the `webhook-id` header.")
     ]
-    webhook_id: Annotated[WebhookId, Field(description="The webhook that is tested.")]
-    occurred_at: Annotated[datetime, Field(description="RFC 3339 UTC, fleet time.")]
+    type: Annotated[Literal["webhook.test"], Field(description="The type of the event.")] = (
+        "webhook.test"
+    )
+    delivery_id: Annotated[
+        Literal["webhook-test"], Field(description="Stands for a delivery: there is none.")
+    ] = "webhook-test"
+    sequence: Annotated[int, Field(ge=1, le=1, description="Always 1.")] = 1
+    occurred_at: Annotated[FleetMoment, Field(description="When it was sent, fleet time.")]
+    data: Annotated[TrialData, Field(description="What the event says.")]
 
 
 def new_webhook_secret() -> str:

@@ -47,7 +47,7 @@ async def add_webhook(
     tx: Tx, webhook: Webhook, *, customer_id: SubjectId, stored_secret: str
 ) -> None:
     """Add a webhook with its encrypted secret."""
-    at_ms = moment_to_ms(webhook.created_at)
+    at_ms = moment_to_ms(webhook.created_wall_at)
     row = {
         "webhook_id": webhook.webhook_id,
         "customer_id": customer_id,
@@ -194,7 +194,7 @@ async def settle(
     values = {
         "state": state[attempt.outcome],
         "attempts": attempt.number,
-        "next_try_wall_ms": moment_to_ms(attempt.next_try_at or attempt.at),
+        "next_try_wall_ms": moment_to_ms(attempt.next_try_wall_at or attempt.wall_at),
         **FREE,
     }
     this = and_(
@@ -209,10 +209,10 @@ async def settle(
 async def add_attempt(tx: Tx, webhook_id: WebhookId, attempt: WebhookAttempt) -> None:
     """Add an attempt, for the customer to see."""
     row = {
-        **attempt.model_dump(exclude={"at", "next_try_at"}),
+        **attempt.model_dump(exclude={"wall_at", "next_try_wall_at"}),
         "webhook_id": webhook_id,
-        "at_wall_ms": moment_to_ms(attempt.at),
-        "next_try_wall_ms": attempt.next_try_at and moment_to_ms(attempt.next_try_at),
+        "at_wall_ms": moment_to_ms(attempt.wall_at),
+        "next_try_wall_ms": attempt.next_try_wall_at and moment_to_ms(attempt.next_try_wall_at),
     }
     await tx.execute(insert(webhook_attempts).values(row))
 
@@ -257,7 +257,7 @@ def _webhook(row: AnyRow) -> Webhook:
         event_types=None if row.event_types is None else tuple(json.loads(row.event_types)),
         state=row.state,
         disabled_reason=row.disabled_reason,
-        created_at=ms_to_moment(row.created_wall_ms),
+        created_wall_at=ms_to_moment(row.created_wall_ms),
         last_outcome=row.last_outcome,
     )
 
@@ -297,10 +297,10 @@ def _attempt(row: AnyRow) -> WebhookAttempt:
         event_type=row.event_type,
         delivery_id=row.delivery_id,
         number=row.number,
-        at=ms_to_moment(row.at_wall_ms),
+        wall_at=ms_to_moment(row.at_wall_ms),
         duration_ms=row.duration_ms,
         outcome=row.outcome,
         status=row.status,
         detail=row.detail,
-        next_try_at=None if next_try_ms is None else ms_to_moment(next_try_ms),
+        next_try_wall_at=None if next_try_ms is None else ms_to_moment(next_try_ms),
     )

@@ -58,7 +58,7 @@ class OfferKeeper:
         """
         number = quote.number_of(offer_id)
         offer = quote.offers[number]
-        if quote.taken_offer_id is not None or self.clock.wall_now() >= offer.expires_at:
+        if quote.taken_offer_id is not None or self.clock.wall_now() >= offer.expires_wall_at:
             return None
         found = await self.registry.candidates(_candidate_query(offer, checked))
         is_held = hold_id is not None and offer.is_held
@@ -144,8 +144,8 @@ async def accept_offer(
     """
     quote = await store.one_of(tx.connection, caller, quote_id)
     offer = quote.offers[quote.number_of(offer_id)]
-    if quote.taken_offer_id is None and wall_now >= offer.expires_at:
-        raise Conflict("QUOTE_EXPIRED", f"offer {offer_id} expired at {offer.expires_at}")
+    if quote.taken_offer_id is None and wall_now >= offer.expires_wall_at:
+        raise Conflict("QUOTE_EXPIRED", f"offer {offer_id} expired at {offer.expires_wall_at}")
     # The write decides, not the read above: two calls may accept at the same time.
     if not await store.mark_accepted(tx, quote_id, offer_id, delivery_id=delivery_id):
         raise Conflict("QUOTE_TAKEN", f"an offer of quote {quote_id} was accepted before")

@@ -13,6 +13,7 @@ from datetime import timedelta
 from typing import Any, Final, TypeVar
 
 from skyway.announced_networks import CachedNetworks
+from skyway.complaints import unknown_name
 from skyway.contracts.candidate import PayloadLimit, PayloadLimitQuery, ProviderReason
 from skyway.contracts.message import utc_text
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
@@ -204,8 +205,10 @@ class RequestChecks:
             if answer is None:
                 return last_position
             found = answer
-        if pickup in found.unknown:
-            raise InvalidInput("pickup.station_id", f"station {pickup!r} is unknown")
+        for field, station_id in {"pickup.station_id": pickup, **named}.items():
+            if station_id in found.unknown:
+                known = self.networks.station_ids()
+                raise InvalidInput(field, unknown_name("station", station_id, known))
         for field, station_id in named.items():
             _check_station(field, station_id, found, pickup=pickup)
         return found.positions[pickup]
@@ -254,8 +257,6 @@ def _stations_by_field(request: DeliveryRequest) -> dict[str, StationId]:
 def _check_station(
     field: str, station_id: StationId, found: StationCheck, *, pickup: StationId
 ) -> None:
-    if station_id in found.unknown:
-        raise InvalidInput(field, f"station {station_id!r} is unknown")
     networks = found.network_ids[pickup], found.network_ids[station_id]
     if networks[0] != networks[1]:
         detail = f"{station_id!r} lies in the network {networks[1]!r}, the pickup {pickup!r} in "

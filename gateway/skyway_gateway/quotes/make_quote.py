@@ -152,18 +152,18 @@ class QuoteMaker:
         if not answer.offers and not infeasible:
             infeasible = (NO_PROVIDER,)
         # Offers expire this long after composition has answered.
-        expires_at = self.clock.wall_now() + timedelta(seconds=OFFER_LIFE_S)
-        expires_at = answer.held_until_at or expires_at
+        expires_wall_at = self.clock.wall_now() + timedelta(seconds=OFFER_LIFE_S)
+        expires_wall_at = answer.held_until_at or expires_wall_at
         quote = Quote(
             quote_id=QuoteId(self.mint("quo")),
             request=request,
             made_at=self.clock.now(),
-            expires_at=expires_at,
+            expires_wall_at=expires_wall_at,
             offers=tuple(
                 self._offer(
                     terms,
                     request,
-                    expires_at=expires_at,
+                    expires_wall_at=expires_wall_at,
                     tariff=found.shortlist.terms_of[terms.provider_id].tariff,
                 )
                 for terms in answer.offers
@@ -174,7 +174,12 @@ class QuoteMaker:
         return _Made(quote, hold.hold_id if hold is not None and is_held else None)
 
     def _offer(
-        self, terms: OfferTerms, request: DeliveryRequest, *, expires_at: datetime, tariff: Tariff
+        self,
+        terms: OfferTerms,
+        request: DeliveryRequest,
+        *,
+        expires_wall_at: datetime,
+        tariff: Tariff,
     ) -> Offer:
         """The offer with the arrival times that are promised."""
         network_id = self.networks.network_of(request.pickup.station_id)
@@ -189,7 +194,7 @@ class QuoteMaker:
         return Offer(
             **(dict(terms) | {"packages": tuple(packages)}),
             offer_id=OfferId(self.mint("off")),
-            expires_at=expires_at,
+            expires_wall_at=expires_wall_at,
             tariff=tariff,
             late_share=share,
         )

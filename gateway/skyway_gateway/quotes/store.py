@@ -53,13 +53,13 @@ class OfferedPackage(PackageEta):
 
 
 class Offer(OfferTerms):
-    """What one provider offers; its price and time hold if it is accepted before `expires_at`.
+    """What one provider offers; its price and time hold if it is accepted before `expires_wall_at`.
 
     The drones and pads of an offer that `is_held` are kept for the customer until then.
     """
 
     offer_id: Annotated[OfferId, Field(description="The id of the offer, to accept it with.")]
-    expires_at: WallMoment
+    expires_wall_at: WallMoment
     packages: Annotated[
         tuple[OfferedPackage, ...], Field(description="When each package is expected.")
     ]
@@ -99,7 +99,7 @@ class Quote(JsonModel):
     quote_id: Annotated[QuoteId, Field(description="The id of the quote.")]
     request: Annotated[DeliveryRequest, Field(description="What was requested.")]
     made_at: FleetMoment
-    expires_at: WallMoment
+    expires_wall_at: WallMoment
     offers: Annotated[tuple[Offer, ...], Field(description="the best first")]
     infeasible: Annotated[
         tuple[ProviderReason, ...], Field(description="Why other providers make no offer.")
@@ -141,7 +141,7 @@ async def add(
         "offers": _OFFERS.dump_json(quote.offers).decode(),
         "infeasible": _REASONS.dump_json(quote.infeasible).decode(),
         "made_ms": moment_to_ms(quote.made_at),
-        "expires_wall_ms": moment_to_ms(quote.expires_at),
+        "expires_wall_ms": moment_to_ms(quote.expires_wall_at),
         "hold_id": hold_id,
     }
     await tx.execute(insert(quotes).values(row))
@@ -202,7 +202,7 @@ def _quote(row: AnyRow) -> Quote:
         quote_id=row.quote_id,
         request=DeliveryRequest.read(row.request),
         made_at=ms_to_moment(row.made_ms),
-        expires_at=ms_to_moment(row.expires_wall_ms),
+        expires_wall_at=ms_to_moment(row.expires_wall_ms),
         offers=_OFFERS.validate_json(row.offers),
         infeasible=_REASONS.validate_json(row.infeasible),
         taken_offer_id=row.taken_offer_id,

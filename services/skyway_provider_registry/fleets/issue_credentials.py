@@ -70,7 +70,9 @@ class IssuedToken(JsonModel):
     enrolment_token: Annotated[
         str, Field(repr=False, description="the token; it is shown only once")
     ]
-    expires_at: Annotated[Moment, Field(description="until when it can be exchanged, wall time")]
+    expires_wall_at: Annotated[
+        Moment, Field(description="until when it can be exchanged, wall time")
+    ]
 
 
 class ClientCertificate(JsonModel):
@@ -166,11 +168,11 @@ class Issuer:
 
 async def issue_token(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> IssuedToken:
     """A new token for a drone; it replaces the old token, and the credentials stay valid."""
-    token, expires_at = new_token(), wall_now + TOKEN_LIFE
+    token, expires_wall_at = new_token(), wall_now + TOKEN_LIFE
     await credential_store.put_token(
-        tx, drone_id, token_hash=secret_hash(token), expires_at=expires_at
+        tx, drone_id, token_hash=secret_hash(token), expires_at=expires_wall_at
     )
-    return IssuedToken(drone_id=drone_id, enrolment_token=token, expires_at=expires_at)
+    return IssuedToken(drone_id=drone_id, enrolment_token=token, expires_wall_at=expires_wall_at)
 
 
 async def enrol(

@@ -8,6 +8,7 @@ from typing import Annotated, Final
 from pydantic import Field
 
 from skyway.broker_setup.passwords import PasswordHash
+from skyway.complaints import unknown_name
 from skyway.contracts.signature import CloudKeys
 from skyway.contracts.station_check import StationCheck
 from skyway.delivery.offer import Tariff
@@ -182,7 +183,7 @@ def _of_one(
     check: StationCheck,
 ) -> Iterator[tuple[str, str]]:
     if drone.model_id not in models:
-        yield "model_id", f"no drone model is called {drone.model_id!r}"
+        yield "model_id", unknown_name("drone model", drone.model_id, models)
     yield from home_faults(drone.home_station_id, models.get(drone.model_id), tariff, check)
 
 

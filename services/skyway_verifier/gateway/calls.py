@@ -228,7 +228,7 @@ def _fits(key: Any, path: str, asked: NewKey | None) -> bool:  # a row of api_ke
         return bool(key.role == "provider")
     if asked is None:
         return path == "/v1/keys"
-    ends = None if asked.expires_at is None else moment_to_ms(asked.expires_at)
+    ends = None if asked.expires_wall_at is None else moment_to_ms(asked.expires_wall_at)
     scopes = None if asked.scopes is None else json.dumps(asked.scopes)
     made = (asked.role, asked.subject_id, asked.name, scopes, ends)
     return made == (key.role, key.subject_id, key.name, key.scopes, key.expires_wall_ms)

@@ -47,7 +47,7 @@ def fleet_command(
     ] = None,
     model_id: Annotated[
         str, typer.Option("--model", help="With --drones: their drone model.")
-    ] = "paper-scenario",
+    ] = "dji-matrice-300-rtk",
     home: Annotated[
         list[str] | None,
         typer.Option(

@@ -49,7 +49,7 @@ async def test_a_key_shows_its_name_scopes_and_expiry(gateway_on_both: Gateway) 
     limits: dict[str, Any] = {
         "name": "Büro 2 (laptop)",
         "scopes": ["quotes:write", "deliveries:read", "quotes:write"],
-        "expires_at": ahead(days=1),
+        "expires_wall_at": ahead(days=1),
     }
 
     issued = await make_key(gateway, **limits)
@@ -58,7 +58,7 @@ async def test_a_key_shows_its_name_scopes_and_expiry(gateway_on_both: Gateway) 
     shown = (await gateway.http.get(path, headers=gateway.operator)).json()
     assert shown["name"] == "Büro 2 (laptop)"
     assert shown["scopes"] == ["deliveries:read", "quotes:write"]
-    assert shown["expires_at"] == "2026-03-02T12:00:00Z"
+    assert shown["expires_wall_at"] == "2026-03-02T12:00:00Z"
     listed = await gateway.http.get("/v1/keys?subject_id=carol", headers=gateway.operator)
     assert listed.json()["items"] == [shown]
 
@@ -74,12 +74,12 @@ async def test_a_key_shows_its_name_scopes_and_expiry(gateway_on_both: Gateway) 
         ("scopes", []),
         ("scopes", ["deliveries:delete"]),
         ("scopes", ["deliveries:read"] * 100),
-        ("expires_at", ahead(seconds=0)),
-        ("expires_at", ahead(seconds=-1)),
-        ("expires_at", ahead(days=3653, seconds=1)),
-        ("expires_at", "9999-12-31T23:59:59Z"),
-        ("expires_at", "0001-01-01T00:00:00Z"),
-        ("expires_at", "2026-03-02T12:00:00"),
+        ("expires_wall_at", ahead(seconds=0)),
+        ("expires_wall_at", ahead(seconds=-1)),
+        ("expires_wall_at", ahead(days=3653, seconds=1)),
+        ("expires_wall_at", "9999-12-31T23:59:59Z"),
+        ("expires_wall_at", "0001-01-01T00:00:00Z"),
+        ("expires_wall_at", "2026-03-02T12:00:00"),
     ],
 )
 async def test_a_limit_out_of_bounds_is_named(gateway: Gateway, field: str, value: Any) -> None:
@@ -111,7 +111,7 @@ async def test_a_scope_gives_nothing_that_the_role_may_not_do(gateway: Gateway) 
 
 
 async def test_a_key_ends_at_the_moment_of_its_expiry(gateway: Gateway) -> None:
-    issued = await make_key(gateway, expires_at=ahead(seconds=60))
+    issued = await make_key(gateway, expires_wall_at=ahead(seconds=60))
     before = await status_of(gateway, issued)
     gateway.clock.advance(timedelta(seconds=59.999))
     last = await status_of(gateway, issued)
@@ -127,7 +127,7 @@ async def test_an_expired_key_ends_its_broker_account_and_counts_no_more(
     gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
-    issued = await make_key(gateway, expires_at=ahead(seconds=60))
+    issued = await make_key(gateway, expires_wall_at=ahead(seconds=60))
     await gateway.parts.keys.end_expired_keys()
     assert set(gateway.registry.accounts) == {"carol"}
     gateway.clock.advance(timedelta(seconds=60))
@@ -143,7 +143,7 @@ async def test_an_expired_key_ends_its_broker_account_and_counts_no_more(
 
 
 async def test_an_open_stream_may_not_be_read_after_the_expiry(gateway: Gateway) -> None:
-    issued = await make_key(gateway, expires_at=ahead(seconds=60))
+    issued = await make_key(gateway, expires_wall_at=ahead(seconds=60))
     assert await gateway.parts.entrance._is_still_known(issued["key"])
 
     gateway.clock.advance(timedelta(seconds=60))
@@ -174,8 +174,8 @@ async def test_a_key_gives_only_its_own_scopes(
 @pytest.mark.parametrize(
     ("requested", "status"),
     [
-        ({"expires_at": ahead(seconds=60)}, 201),
-        ({"expires_at": ahead(seconds=60.001)}, 403),
+        ({"expires_wall_at": ahead(seconds=60)}, 201),
+        ({"expires_wall_at": ahead(seconds=60.001)}, 403),
         ({}, 403),
     ],
 )
@@ -185,7 +185,7 @@ async def test_a_key_gives_no_later_end_than_its_own(
     limits: dict[str, Any] = {
         "role": "operator",
         "subject_id": "olga",
-        "expires_at": ahead(seconds=60),
+        "expires_wall_at": ahead(seconds=60),
     }
     maker = await make_key(gateway, **limits)
 
@@ -207,7 +207,10 @@ async def test_a_stored_answer_does_not_give_a_limited_key_more(gateway: Gateway
 
 
 async def test_a_new_provider_gets_the_limits_of_its_makers_key(gateway: Gateway) -> None:
-    limits: dict[str, Any] = {"scopes": ["fleet:read", "fleet:write"], "expires_at": ahead(days=1)}
+    limits: dict[str, Any] = {
+        "scopes": ["fleet:read", "fleet:write"],
+        "expires_wall_at": ahead(days=1),
+    }
     maker = await make_key(gateway, role="operator", subject_id="olga", **limits)
     body = {"name": "Hill", "tariff": {"currency": "USD", "base": 1, "per_km": 1}}
     made = await gateway.http.post("/v1/providers", json=body, headers=bearer(maker))
@@ -216,7 +219,7 @@ async def test_a_new_provider_gets_the_limits_of_its_makers_key(gateway: Gateway
     path = f"/v1/keys/{made.json()['key_id']}"
     shown = (await gateway.http.get(path, headers=gateway.operator)).json()
 
-    assert (shown["scopes"], shown["expires_at"]) == (limits["scopes"], "2026-03-02T12:00:00Z")
+    assert (shown["scopes"], shown["expires_wall_at"]) == (limits["scopes"], "2026-03-02T12:00:00Z")
 
 
 async def test_a_limited_key_gives_no_broker_account_that_reads_more(gateway: Gateway) -> None:
@@ -233,7 +236,11 @@ async def test_a_limited_key_gives_no_broker_account_that_reads_more(gateway: Ga
 
 
 async def test_an_operators_account_ends_with_its_key(gateway: Gateway) -> None:
-    guest: dict[str, Any] = {"role": "operator", "subject_id": "olga", "expires_at": ahead(days=1)}
+    guest: dict[str, Any] = {
+        "role": "operator",
+        "subject_id": "olga",
+        "expires_wall_at": ahead(days=1),
+    }
     issued = await make_key(gateway, **guest)
     assert gateway.registry.accounts == {"operator/olga": issued["mqtt"]["password"]}
 

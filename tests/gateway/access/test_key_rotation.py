@@ -27,12 +27,12 @@ async def test_the_next_key_has_the_rights_of_the_old_one(gateway_on_both: Gatew
     gateway = gateway_on_both
     end = (START + timedelta(days=30)).isoformat()
     old = await make_key(
-        gateway, name="laptop", scopes=["account:write", "account:read"], expires_at=end
+        gateway, name="laptop", scopes=["account:write", "account:read"], expires_wall_at=end
     )
 
     new = await next_key(gateway, old)
 
-    for name in ("role", "subject_id", "name", "scopes", "expires_at"):
+    for name in ("role", "subject_id", "name", "scopes", "expires_wall_at"):
         assert new[name] == old[name], name
     assert (new["replaces"], new["mqtt"]) == (old["key_id"], None)
     assert new["key"] != old["key"]
@@ -127,7 +127,7 @@ async def test_a_late_rotation_of_the_old_key_does_not_end_a_key_in_use(gateway:
 
 async def test_a_rotation_keeps_the_shorter_expiry(gateway: Gateway) -> None:
     end = (START + timedelta(seconds=60)).isoformat()
-    old = await make_key(gateway, expires_at=end)
+    old = await make_key(gateway, expires_wall_at=end)
     new = await next_key(gateway, old)
 
     gateway.clock.advance(timedelta(seconds=60))
@@ -191,7 +191,7 @@ async def test_a_key_that_was_rotated_gives_no_right_beyond_its_own_end(gateway:
 
     endless = await gateway.http.post("/v1/keys", json=requested, headers=bearer(old))
     ending = await gateway.http.post(
-        "/v1/keys", json={**requested, "expires_at": soon}, headers=bearer(old)
+        "/v1/keys", json={**requested, "expires_wall_at": soon}, headers=bearer(old)
     )
 
     assert endless.status_code == 403

@@ -135,7 +135,7 @@ async def test_a_read_that_fails_is_tried_again(
 async def test_each_kind_of_refused_key_is_counted_and_logged(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     soon = (gateway.clock.wall_now() + timedelta(seconds=1)).isoformat()
-    expired, revoked = await make_key(gateway, expires_at=soon), await make_key(gateway)
+    expired, revoked = await make_key(gateway, expires_wall_at=soon), await make_key(gateway)
     await gateway.http.delete(f"/v1/keys/{revoked['key_id']}", headers=gateway.operator)
     gateway.clock.advance(timedelta(seconds=1))
     reasons = ("unknown", "expired", "revoked")

@@ -98,8 +98,8 @@ async def test_a_link_that_another_replica_has_just_used_begins_no_session(
 async def test_a_link_ends_after_ten_minutes(gateway: Gateway) -> None:
     made = (await gateway.http.post(LINKS, headers=gateway.customer)).json()
     code = made["url"].partition("=")[2]
-    expires_at = datetime.fromisoformat(made["expires_at"])
-    assert expires_at - gateway.clock.wall_now() == CODE_LASTS == timedelta(minutes=10)
+    expires_wall_at = datetime.fromisoformat(made["expires_wall_at"])
+    assert expires_wall_at - gateway.clock.wall_now() == CODE_LASTS == timedelta(minutes=10)
 
     gateway.clock.advance(CODE_LASTS)
 

@@ -21,7 +21,7 @@ async def used(gateway_on_both: Gateway) -> Any:
     gateway = gateway_on_both
     for body in (
         {"role": "customer", "subject_id": "carol", "scopes": ["deliveries:read"]},
-        {"role": "customer", "subject_id": "dave", "expires_at": "2026-03-05T00:00:00Z"},
+        {"role": "customer", "subject_id": "dave", "expires_wall_at": "2026-03-05T00:00:00Z"},
         {"role": "operator", "subject_id": "lee", "name": "laptop"},
     ):
         made = await gateway.http.post("/v1/keys", json=body, headers=gateway.operator)

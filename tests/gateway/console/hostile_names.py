@@ -79,8 +79,8 @@ _KEY: Final = {
     "subject_id": MARKUP,
     "name": MARKUP,
     "scopes": [MARKUP],
-    "created_at": MOMENT,
-    "expires_at": MOMENT,
+    "created_wall_at": MOMENT,
+    "expires_wall_at": MOMENT,
 }
 
 _WEBHOOK: Final = {
@@ -130,7 +130,7 @@ _SERVICE: Final = {
     ],
     "last_errors": [
         {
-            "at": MOMENT,
+            "wall_at": MOMENT,
             "level": "ERROR",
             "event": MARKUP,
             "reason": MARKUP,

@@ -117,11 +117,11 @@ async def test_a_span_replays_the_events_that_were_recorded_in_it(gateway_on_bot
         gateway.clock.advance(timedelta(minutes=1))
     await all_are(gateway, "DELIVERED")
 
-    span = {"from": moments[1], "to": moments[2]}
+    span = {"from_wall_at": moments[1], "to_wall_at": moments[2]}
     assert (await replay(gateway, webhook_id, **span)).json() == {"queued": 1}
     [(event_id, _)] = await due(gateway, webhook_id)
     assert [event["event_id"] for event in await gateway.events(deliveries[1])] == [event_id]
-    assert (await replay(gateway, webhook_id, **{"from": moments[1]})).json() == {"queued": 1}
+    assert (await replay(gateway, webhook_id, from_wall_at=moments[1])).json() == {"queued": 1}
 
 
 async def test_a_span_of_too_many_events_is_refused(
@@ -132,9 +132,9 @@ async def test_a_span_of_too_many_events_is_refused(
     since = gateway.clock.wall_now().isoformat()
     for _ in range(3):
         await gateway.accepted()
-    answer = await replay(gateway, webhook_id, **{"from": since})
+    answer = await replay(gateway, webhook_id, from_wall_at=since)
     assert answer.status_code == 422
-    assert answer.json()["errors"][0]["field"] == "from"
+    assert answer.json()["errors"][0]["field"] == "from_wall_at"
 
 
 async def test_events_of_other_customers_are_not_replayed(
@@ -149,7 +149,7 @@ async def test_events_of_other_customers_are_not_replayed(
 
     assert (await replay(gateway, webhook_id, delivery_id=delivery_id)).status_code == 404
     assert (await replay(gateway, webhook_id, event_ids=[event["event_id"]])).status_code == 404
-    assert (await replay(gateway, webhook_id, **{"from": since})).json() == {"queued": 0}
+    assert (await replay(gateway, webhook_id, from_wall_at=since)).json() == {"queued": 0}
     by_other = await gateway.http.post(
         f"/v1/webhooks/{webhook_id}/replay",
         json={"delivery_id": delivery_id},
@@ -174,8 +174,8 @@ async def test_a_disabled_webhook_cannot_replay(gateway: Gateway) -> None:
         {},
         {"delivery_id": "dlv_1", "event_ids": ["evt_1"]},
         {"event_ids": []},
-        {"to": "2026-03-01T12:00:00Z"},
-        {"from": "2026-03-01T12:00:00Z", "to": "2026-03-01T12:00:00Z"},
+        {"to_wall_at": "2026-03-01T12:00:00Z"},
+        {"from_wall_at": "2026-03-01T12:00:00Z", "to_wall_at": "2026-03-01T12:00:00Z"},
     ],
 )
 async def test_a_replay_must_name_its_events(gateway: Gateway, requested: dict[str, Any]) -> None:

@@ -96,7 +96,9 @@ async def test_after_a_rotation_both_secrets_verify_for_a_day(
     answer = await rotated(gateway, webhook)
     assert answer.status_code == 201, answer.text
     new = answer.json()
-    assert datetime.fromisoformat(new["previous_until"]) - begins < timedelta(hours=24, seconds=1)
+    assert datetime.fromisoformat(new["previous_until_wall_at"]) - begins < timedelta(
+        hours=24, seconds=1
+    )
 
     gateway.clock.advance(timedelta(hours=23, minutes=59))
     await trial(gateway, webhook)

@@ -9,6 +9,7 @@ import pytest
 from skyway_gateway.notifications.webhook_store import due_endpoints
 from standardwebhooks import Webhook
 
+from skyway.contracts.message_examples import message_examples
 from tests.gateway.notifications.receiver import Receiver, receiving
 from tests.gateway.whole_gateway import Gateway
 
@@ -44,7 +45,7 @@ async def _attempts(gateway: Gateway, webhook: dict[str, Any]) -> list[dict[str,
     path = f"/v1/webhooks/{webhook['webhook_id']}/attempts?limit=200"
     answer = await gateway.http.get(path, headers=gateway.customer)
     found: list[dict[str, Any]] = answer.json()["items"]
-    return sorted(found, key=lambda one: (one["at"], one["number"]))
+    return sorted(found, key=lambda one: (one["wall_at"], one["number"]))
 
 
 async def test_each_event_arrives_signed_in_sequence_under_its_id(
@@ -90,8 +91,8 @@ async def test_a_failed_notification_is_repeated_under_the_same_id(
         (2, "FAILED", None),
         (3, "DELIVERED", 200),
     ]
-    assert attempts[0]["next_try_at"] is not None
-    assert attempts[2]["next_try_at"] is None
+    assert attempts[0]["next_try_wall_at"] is not None
+    assert attempts[2]["next_try_wall_at"] is None
 
 
 async def test_a_webhook_shows_how_its_newest_attempt_went(
@@ -161,7 +162,7 @@ async def test_a_notification_is_given_up_after_its_last_attempt(
         if one["event_type"] == "delivery.requested"
     ]
     assert [one["outcome"] for one in attempts] == ["FAILED"] * 9 + ["GIVEN_UP"]
-    assert attempts[-1]["next_try_at"] is None
+    assert attempts[-1]["next_try_wall_at"] is None
     # The next event is sent independently.
     await _notify(gateway)
     assert receiver.types[-1] == "delivery.planned"
@@ -333,6 +334,10 @@ async def test_a_customer_can_test_a_webhook(gateway: Gateway, receiver: Receive
     answer = await gateway.http.post(path, headers=gateway.customer)
     assert (answer.status_code, answer.json()["outcome"]) == (200, "DELIVERED")
     assert receiver.types == ["webhook.test"]
+    ((_, event),) = receiver.received
+    assert set(message_examples()["DeliveryPlannedEvent"].model_dump(mode="json")) <= set(event)
+    assert (event["delivery_id"], event["sequence"]) == ("webhook-test", 1)
+    assert event["data"] == {"webhook_id": webhook["webhook_id"]}
     receiver.answers = [500]
     answer = await gateway.http.post(path, headers=gateway.customer)
     assert (answer.json()["outcome"], answer.json()["status"]) == ("GIVEN_UP", 500)

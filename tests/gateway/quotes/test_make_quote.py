@@ -39,9 +39,9 @@ async def test_a_quote_holds_the_offers_in_order_and_why_others_make_none(
     assert first["price"] == {"amount": 500, "currency": "USD"}
     assert (first["margins"]["energy_margin"], first["margins"]["pad_gap_s"]) == (0.15, 120.0)
     assert [package["package_id"] for package in first["packages"]] == ["p1", "p2"]
-    expires_at = gateway.clock.wall_now() + timedelta(seconds=120)
-    assert {quote["expires_at"], first["expires_at"], second["expires_at"]} == {
-        expires_at.isoformat().replace("+00:00", "Z")
+    expires_wall_at = gateway.clock.wall_now() + timedelta(seconds=120)
+    assert {quote["expires_wall_at"], first["expires_wall_at"], second["expires_wall_at"]} == {
+        expires_wall_at.isoformat().replace("+00:00", "Z")
     }
     assert [(one["provider_id"], one["code"]) for one in quote["infeasible"]] == [
         ("prv_4", "TOO_LATE"),
@@ -168,7 +168,7 @@ async def test_only_expired_quotes_are_deleted(
     new = (await post(gateway, request_body())).json()
 
     async with gateway.parts.db.write() as tx:
-        expired_before = datetime.fromisoformat(new["expires_at"])
+        expired_before = datetime.fromisoformat(new["expires_wall_at"])
         await store.delete_expired(tx, before=expired_before)
 
     statuses = [

@@ -13,7 +13,7 @@ URL = "http://gateway/console#login=abc"
 
 @pytest.fixture
 def gateway(answering_gateway: Gateway) -> Gateway:
-    link = {"url": URL, "expires_at": "2026-03-01T12:10:00Z"}
+    link = {"url": URL, "expires_wall_at": "2026-03-01T12:10:00Z"}
     answering_gateway.answers["POST", "/v1/session-links"] = (201, link)
     return answering_gateway
 

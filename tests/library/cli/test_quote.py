@@ -28,7 +28,7 @@ OFFER = {
             "eta_p90_at": "2026-03-02T11:09:00Z",
         }
     ],
-    "expires_at": "2026-03-02T09:00:00Z",
+    "expires_wall_at": "2026-03-02T09:00:00Z",
     "is_held": True,
 }
 

@@ -27,7 +27,7 @@ export function FleetDrones({providerId}) {
   const path = `/v1/providers/${part(providerId)}/drones`;
   const {drones, read} = useDrones(path);
   const [token, setToken] = useState(null);
-  const show = (name, {enrolment_token: text, expires_at: until}) => setToken({name, text, until});
+  const show = (name, {enrolment_token: text, expires_wall_at: until}) => setToken({name, text, until});
 
   async function register(wanted) {
     const isRegistered = await attempt(async () => {

@@ -19,7 +19,7 @@ function keyOf(form) {
     role: text("role"),
     subject_id: text("subject"),
     ...(text("name") ? {name: text("name")} : {}),
-    ...(text("ends") ? {expires_at: new Date(text("ends")).toISOString()} : {}),
+    ...(text("ends") ? {expires_wall_at: new Date(text("ends")).toISOString()} : {}),
     ...(scopes.length ? {scopes} : {}),
   };
 }

@@ -15,14 +15,14 @@ function secretsOf({key, mqtt}) {
 }
 
 function KeyRow({each, onDelete}) {
-  const {key_id, role, subject_id, name, scopes, created_at, expires_at} = each;
+  const {key_id, role, subject_id, name, scopes, created_wall_at, expires_wall_at} = each;
   return html`
     <tr>
       <td>${name && html`${name}<br />`}<small>${key_id}</small></td>
       <td>${subject_id}<br /><small>${inWords(role)}</small></td>
       <td>${scopes ? scopes.join(", ") : "all of its role"}</td>
-      <td>${dayText(created_at)}</td>
-      <td>${expires_at ? dayText(expires_at) : "never"}</td>
+      <td>${dayText(created_wall_at)}</td>
+      <td>${expires_wall_at ? dayText(expires_wall_at) : "never"}</td>
       <td><${SureButton} verb="Delete" label=${`Delete key ${name ?? key_id}`} onSure=${onDelete} /></td>
     </tr>`;
 }

@@ -68,9 +68,9 @@ export function OfferTable({quote, names}) {
     return () => (offeredWays.value = []);
   }, [quote, chosen]);
   useEffect(() => section.current.scrollIntoView({block: "nearest"}), []);
-  const {quote_id, offers, infeasible, expires_at} = quote;
+  const {quote_id, offers, infeasible, expires_wall_at} = quote;
   // Offers end in wall time, unlike what they promise.
-  const leftS = (Date.parse(expires_at) - Date.now()) / 1_000;
+  const leftS = (Date.parse(expires_wall_at) - Date.now()) / 1_000;
   const most = {
     price: Math.max(...offers.map(({price}) => price.amount), 1),
     time: Math.max(...offers.map(({delivery_time_s}) => delivery_time_s), 1),

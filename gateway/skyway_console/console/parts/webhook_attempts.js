@@ -10,7 +10,7 @@ import {attempt} from "./messages.js";
 const AGAIN_MS = 3_000;
 
 function AttemptRow({each, onAgain}) {
-  const {event_id, event_type, number, at, duration_ms, outcome, status, detail} = each;
+  const {event_id, event_type, number, wall_at: at, duration_ms, outcome, status, detail} = each;
   return html`
     <tr>
       <td>${dayText(at)}</td>

@@ -83,14 +83,14 @@ const Queues = ({services}) => html`
 function LastErrors({services}) {
   const found = services
     .flatMap(({service, last_errors: errors}) => errors.map((each) => ({service, ...each})))
-    .sort((one, other) => other.at.localeCompare(one.at));
+    .sort((one, other) => other.wall_at.localeCompare(one.wall_at));
   return html`
     <h2>Last errors and warnings</h2>
     ${found.length === 0 ? html`<p>None since the start.</p>` : html`
       <div class="table"><table aria-label="Last errors and warnings">
         <thead><tr><th>When</th><th>Service</th><th>What</th><th>How often</th></tr></thead>
         <tbody>
-          ${found.map(({service, at, level, event, reason, times, trace_id: trace}) => html`
+          ${found.map(({service, wall_at: at, level, event, reason, times, trace_id: trace}) => html`
             <tr key=${`${service} ${event}`}>
               <td>${dayText(at)}</td><td>${inWords(service)}</td>
               <td><span class="tag ${level}">${inWords(level)}</span> ${event}

@@ -48,12 +48,12 @@ async def test_a_quote_with_hold_says_which_offers_are_held_and_until_when(
     gateway: Gateway, held_quote: Any
 ) -> None:
     [query] = gateway.composition.quote_queries
-    expires_at = gateway.clock.wall_now() + timedelta(seconds=120)
+    expires_wall_at = gateway.clock.wall_now() + timedelta(seconds=120)
 
     assert query.hold is not None
     assert (query.hold.customer_id, query.hold.life_s, query.hold.most) == ("alice", 120.0, 3)
     assert [offer["is_held"] for offer in held_quote["offers"]] == [True, True]
-    assert held_quote["expires_at"] == expires_at.isoformat().replace("+00:00", "Z")
+    assert held_quote["expires_wall_at"] == expires_wall_at.isoformat().replace("+00:00", "Z")
     assert "hold" not in held_quote["request"]
 
 

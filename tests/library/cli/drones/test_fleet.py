@@ -22,7 +22,7 @@ REGISTER_DRONES = ("POST", "/v1/providers/prv_1/drones")
 def gateway(answering_gateway: Gateway) -> Gateway:
     """A gateway with one drone model and one station, where fleets can be registered."""
     answering_gateway.answers |= {
-        ("GET", "/v1/drone-models/paper-scenario"): (200, {}),
+        ("GET", "/v1/drone-models/dji-matrice-300-rtk"): (200, {}),
         ("GET", "/v1/stations/home/pads"): (200, {}),
         REGISTER_PROVIDER: (201, {"provider_id": "prv_1"}),
         REGISTER_DRONES: (201, {"items": [{"drone_id": "drn_1"}]}),
@@ -126,7 +126,7 @@ def test_a_fleet_that_can_fly_is_registered_and_stored(
     key = PrivateKey.read(drone.pop("signing_key"))
     assert registered.pop("public_key") == key.public_key
     assert registered == {
-        "model_id": "paper-scenario",
+        "model_id": "dji-matrice-300-rtk",
         "home_station_id": "home",
         "name": "home 1",
     }
