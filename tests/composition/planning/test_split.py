@@ -118,7 +118,7 @@ async def test_an_order_with_a_package_that_nobody_can_fly_is_rejected_as_a_whol
     assert reason.detail.endswith("possible: each other package alone, without 'p2'")
 
 
-async def test_a_load_too_heavy_for_the_way_is_told_how_much_less_would_do(
+async def test_a_load_too_heavy_for_the_way_is_answered_with_how_much_less_flies(
     composition: Any, make: Any
 ) -> None:
     await publish(composition, make, pads=_ENDS, km=11.0)
@@ -134,7 +134,7 @@ async def test_a_load_too_heavy_for_the_way_is_told_how_much_less_would_do(
     assert (await quoted(composition, lighter, *drones_at(make, "c", 1))).ranked
 
 
-async def test_a_deadline_that_is_too_early_is_told_the_moment_that_is_possible(
+async def test_a_deadline_that_is_too_early_is_answered_with_the_possible_moment(
     composition: Any, make: Any
 ) -> None:
     await publish(composition, make, pads=_ENDS)

@@ -1,8 +1,8 @@
 """Problems whose every limit touches a plan, so that only this plan's own moments are left.
 
-Whatever the best plan of a problem does not use is closed, reserved or over from the very moment at
-which the plan ends its use, and until the very moment at which it begins. Each limit only takes
-away other plans. So the best plan must stay the best, with the same time: an oracle that shares no
+Segments, stations and pads are closed or reserved until the very moment at which the best plan
+begins to use them, and again from the very moment at which it ends. Each limit only takes away
+other plans. So the best plan must stay the best, with the same time: an oracle that shares no
 arithmetic with the search.
 """
 
