@@ -64,7 +64,7 @@ _SENTENCES: Final = {
     "{error}": ("assertion_error", "value_error"),
 }
 _BY_KIND: Final = {kind: sentence for sentence, kinds in _SENTENCES.items() for kind in kinds}
-#: The most known names that are looked at, and of these the most that are compared letter by letter.
+#: The most known names that are looked at, and the most that are compared letter by letter.
 _MOST_KNOWN: Final = 20_000
 _MOST_COMPARED: Final = 200
 _FOREIGN: Final = frozenset(get_args(ErrorType))
