@@ -14,60 +14,50 @@ BROKEN_JSON: Final = "broken_json"
 
 #: Each sentence, and the kinds of pydantic's errors for which it stands.
 _SENTENCES: Final = {
-    "is missing": ("missing", "missing_argument", "missing_keyword_only_argument"),
-    "is not a known field": ("extra_forbidden", "unexpected_keyword_argument"),
-    "must be null": ("none_required",),
-    "must be above {gt}": ("greater_than",),
-    "must be at least {ge}": ("greater_than_equal",),
-    "must be below {lt}": ("less_than",),
-    "must be at most {le}": ("less_than_equal",),
-    "must be a multiple of {multiple_of}": ("multiple_of",),
-    "must be a finite number": ("finite_number",),
-    "must be a whole number": ("int_type", "int_parsing", "int_from_float"),
-    "is too long for a whole number": ("int_parsing_size",),
-    "must be a number": ("float_type", "float_parsing", "decimal_type", "decimal_parsing"),
-    "must be true or false": ("bool_type", "bool_parsing"),
-    "must be text": ("string_type", "bytes_type", "url_type", "uuid_type"),
-    "must be text in UTF-8": ("string_unicode", "bytes_invalid_encoding"),
-    "must be text of ASCII characters": ("string_not_ascii",),
-    "must have at least {min_length} characters": ("string_too_short", "bytes_too_short"),
-    "must have at most {max_length} characters": (
-        "string_too_long",
-        "bytes_too_long",
-        "url_too_long",
-    ),
-    "must match the pattern {pattern}": ("string_pattern_mismatch",),
-    "must have at least {min_length} items; it has {actual_length}": ("too_short",),
-    "must have at most {max_length} items; it has more": ("too_long",),
-    "must be a list": ("list_type", "tuple_type", "set_type", "frozen_set_type", "iterable_type"),
-    "has more items than are known": ("unexpected_positional_argument",),
+    "is missing": "missing missing_argument missing_keyword_only_argument",
+    "is not a known field": "extra_forbidden unexpected_keyword_argument",
+    "must be null": "none_required",
+    "must be above {gt}": "greater_than",
+    "must be at least {ge}": "greater_than_equal",
+    "must be below {lt}": "less_than",
+    "must be at most {le}": "less_than_equal",
+    "must be a multiple of {multiple_of}": "multiple_of",
+    "must be a finite number": "finite_number",
+    "must be a whole number": "int_type int_parsing int_from_float",
+    "is too long for a whole number": "int_parsing_size",
+    "must be a number": "float_type float_parsing decimal_type decimal_parsing",
+    "must be true or false": "bool_type bool_parsing",
+    "must be text": "string_type bytes_type url_type uuid_type",
+    "must be text in UTF-8": "string_unicode bytes_invalid_encoding",
+    "must be text of ASCII characters": "string_not_ascii",
+    "must have at least {min_length} characters": "string_too_short bytes_too_short",
+    "must have at most {max_length} characters": "string_too_long bytes_too_long url_too_long",
+    "must match the pattern {pattern}": "string_pattern_mismatch",
+    "must have at least {min_length} items; it has {actual_length}": "too_short",
+    "must have at most {max_length} items; it has more": "too_long",
+    "must be a list": "list_type tuple_type set_type frozen_set_type iterable_type",
+    "has more items than are known": "unexpected_positional_argument",
     "must be an object": (
-        "arguments_type",
-        "dataclass_type",
-        "dict_type",
-        "mapping_type",
-        "model_attributes_type",
-        "model_type",
-        "named_tuple_type",
+        "arguments_type dataclass_type dict_type mapping_type model_attributes_type "
+        "model_type named_tuple_type"
     ),
-    "must be {expected}": ("literal_error", "enum"),
-    "has an unknown {discriminator}; known are {expected_tags}": ("union_tag_invalid",),
-    "must have a known {discriminator}": ("union_tag_not_found",),
-    "must be a date like 2026-03-02": ("date_type", "date_parsing", "date_from_datetime_parsing"),
-    "must be a time like 09:16": ("time_type", "time_parsing"),
+    "must be {expected}": "literal_error enum",
+    "has an unknown {discriminator}; known are {expected_tags}": "union_tag_invalid",
+    "must have a known {discriminator}": "union_tag_not_found",
+    "must be a date like 2026-03-02": "date_type date_parsing date_from_datetime_parsing",
+    "must be a time like 09:16": "time_type time_parsing",
     NO_MOMENT: (
-        "datetime_from_date_parsing",
-        "datetime_object_invalid",
-        "datetime_parsing",
-        "datetime_type",
-        "timezone_aware",
+        "datetime_from_date_parsing datetime_object_invalid datetime_parsing datetime_type "
+        "timezone_aware"
     ),
-    "must be a URL": ("url_parsing", "url_syntax_violation"),
-    "must be a URL that begins with {expected_schemes}": ("url_scheme",),
-    "{error}": ("assertion_error", "value_error"),
+    "must be a URL": "url_parsing url_syntax_violation",
+    "must be a URL that begins with {expected_schemes}": "url_scheme",
+    "{error}": "assertion_error value_error",
 }
-_BY_KIND: Final = {kind: sentence for sentence, kinds in _SENTENCES.items() for kind in kinds}
-#: The most known names that are looked at, and of these the most that are compared by letters.
+_BY_KIND: Final = {
+    kind: sentence for sentence, kinds in _SENTENCES.items() for kind in kinds.split()
+}
+#: The most known names that are looked at, and the most that are compared letter by letter.
 _MOST_KNOWN: Final = 20_000
 _MOST_COMPARED: Final = 200
 _FOREIGN: Final = frozenset(get_args(ErrorType))

@@ -27,7 +27,7 @@ from tools.write_openapi import app_of
 
 SERVICES: Final = ("gateway", "provider-registry", "composition")
 
-#: Bodies that tell more than the example of the document.
+#: Bodies with more members than the example of the document.
 BODIES: Final = {
     "POST /v1/compositions": lambda: json.loads(
         (Path(__file__).parents[1] / "data/good_problem.json").read_text("utf-8")

@@ -250,11 +250,11 @@ async def test_head_is_answered_like_get_without_a_body(service: str) -> None:
             params = {**required(call), "limit": "x", "cursor": "x", "dry_run": "x"}
             get = await client.get(call.url, params=params)
             head = await client.head(call.url, params=params)
-            told = [
+            heads = [
                 (answer.status_code, answer.headers["content-type"], len(answer.headers))
                 for answer in (get, head)
             ]
-            if head.content or told[0] != told[1]:
-                wrong.append((str(call), told, head.content))
+            if head.content or heads[0] != heads[1]:
+                wrong.append((str(call), heads, head.content))
 
     assert not wrong

@@ -182,13 +182,13 @@ def _refuse_other_types(request: Request, media_types: tuple[str, ...]) -> None:
     accept = ", ".join(request.headers.getlist("accept")).lower()
     if accept in ("", "*/*") or not media_types:
         return
-    wanted = {
+    accepted = {
         part.partition(";")[0].strip() for part in accept.split(",") if not _REFUSED.search(part)
     }
     forms = {f"{each.partition('/')[0]}/*" for each in media_types} | {"*/*", *media_types}
     if any(each.endswith("json") for each in media_types):
         forms.add("application/json")
-    if not wanted & forms:
+    if not accepted & forms:
         detail = f"this call answers {' or '.join(media_types)}; Accept names {accept[:100]}"
         raise HTTPException(406, detail)
 

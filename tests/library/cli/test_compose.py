@@ -106,7 +106,10 @@ def test_unreadable_problems_are_named_by_line_and_field_and_skipped():
     [
         ("", "line 1: problem: nothing to read"),
         ("[]", "line 1: problem: an array is not an object"),
-        (GOOD.replace("0.7", "NaN"), "line 1: problem: not JSON: NaN is not a number in JSON"),
+        (
+            GOOD.replace("0.7", "NaN"),
+            "line 1: packages.0.mass_kg: must be a finite number, not nan",
+        ),
         (b"\xff\xfe{", "line 1: problem: not"),
         ("[" * 100_000, "line 1: problem: not JSON"),
         (json.dumps(make_problem(), indent=2)[:-3], "line"),
@@ -165,11 +168,8 @@ def test_every_fault_is_a_line_on_standard_error(bad_problems):
     lines = messages.splitlines()
     assert len(lines) == len(bad_problems)
     for number, (bad, line) in enumerate(zip(bad_problems, lines, strict=True), start=1):
-        if "not a number in JSON" in line:
-            assert line.startswith(f"line {number}: problem: not JSON: ")
-        else:
-            assert line.startswith(f"line {number}: {bad.field}")
-            assert bad.message in line
+        assert line.startswith(f"line {number}: {bad.field}")
+        assert bad.message in line
 
 
 def test_all_faults_of_a_problem_are_lines_of_their_own():

@@ -79,7 +79,7 @@ class FinalQuestions:
             found |= {
                 DeliveryId(attempt["delivery_id"])
                 for attempt in newest.values()
-                if attempt["outcome"] == "FAILED" and attempt["next_try_at"] is not None
+                if attempt["outcome"] == "FAILED" and attempt["next_try_wall_at"] is not None
             }
         return frozenset(found)
 
