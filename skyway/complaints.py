@@ -60,6 +60,11 @@ _BY_KIND: Final = {
 #: The most known names that are looked at, and the most that are compared letter by letter.
 _MOST_KNOWN: Final = 20_000
 _MOST_COMPARED: Final = 200
+#: What users need not know as a pattern.
+_PATTERNS: Final = {
+    "^[A-Za-z0-9_-]+$": "may have only letters, digits, - and _",
+    "^[A-Z]{3}$": "must be three capital letters, such as USD",
+}
 _FOREIGN: Final = frozenset(get_args(ErrorType))
 
 
@@ -67,6 +72,8 @@ _FOREIGN: Final = frozenset(get_args(ErrorType))
 def sentence_of(complaint: Mapping[str, Any]) -> str:
     """What is wrong, with the limit. Our own kinds of errors bring their sentence with them."""
     kind, context = complaint["type"], complaint.get("ctx", {})
+    if (words := _PATTERNS.get(context.get("pattern", ""))) is not None:
+        return words
     sentence = _BY_KIND.get(kind, "is not valid" if kind in _FOREIGN else complaint["msg"])
     limits = {
         name: f"{limit:g}" if isinstance(limit, float) else limit for name, limit in context.items()

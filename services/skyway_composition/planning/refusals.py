@@ -67,7 +67,8 @@ class Refusals:
         self.add(
             offer.provider_id,
             "TOO_EXPENSIVE",
-            f"price {price.amount} exceeds the limit of {limit} {price.currency}",
+            f"price {price.amount} exceeds max_price {limit}, both in minor units of "
+            f"{price.currency} such as cents",
             is_temporary=False,
             price=price.amount,
             max_price=limit,
