@@ -186,11 +186,11 @@ def _wind_and_more(dataset: "Dataset", height_m: float | None) -> Iterator[tuple
 
 
 def _chosen(member: str, layers: Sequence[_Layer], height_m: float | None) -> _Layer:
-    """The layer at the wanted height; without `height_m` a single layer may have any height."""
+    """The layer at the named height; without `height_m` a single layer may have any height."""
     usual_m = _TEMPERATURE_M if member == "temperature_c" else _USUAL_M
-    wanted_m = usual_m if height_m is None else height_m
+    at_m = usual_m if height_m is None else height_m
     fitting = [each for each in layers if each.height_m is not None and
-               abs(each.height_m - wanted_m) < 0.01]  # fmt: skip
+               abs(each.height_m - at_m) < 0.01]  # fmt: skip
     if not fitting and height_m is None:
         fitting = list(layers)
     if len(fitting) == 1:
