@@ -209,9 +209,11 @@ def _forecast(
     file: str, network_id: str, *, source: str | None, height_m: float | None, folder: DataFolder
 ) -> bytes:
     """The forecast in a file as JSON; of a NetCDF file the part around the network's stations."""
-    from skyway.cli.weather_file import NETCDF_SUFFIXES, read_netcdf
+    from skyway.cli.weather_file import GRIB_SUFFIXES, NETCDF_SUFFIXES, read_netcdf
     from skyway.network.geojson import read_network
 
+    if file.lower().endswith(GRIB_SUFFIXES):
+        _unreadable(f"{file}: GRIB files are not read: convert it to NetCDF with grib_to_netcdf")
     if not file.lower().endswith(NETCDF_SUFFIXES):
         return _text(file).encode()
     answer = call_gateway("GET", _path(network_id), key_name=_OPERATOR_KEY, folder=folder)

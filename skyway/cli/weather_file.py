@@ -19,8 +19,9 @@ from skyway.geo import Position
 if TYPE_CHECKING:
     from netCDF4 import Dataset, Variable
 
-#: How the names of NetCDF files end.
+#: How the names of files end.
 NETCDF_SUFFIXES: Final = (".nc", ".nc4", ".cdf", ".netcdf")
+GRIB_SUFFIXES: Final = (".grib", ".grib2", ".grb", ".grb2", ".gri")
 
 #: For each member of a forecast: its unit, its CF standard name, and names without a standard name.
 _VARIABLES: Final[Mapping[str, tuple[str, tuple[str, ...]]]] = {
@@ -89,7 +90,7 @@ def read_netcdf(
     try:
         dataset = Dataset(file)
     except OSError as error:
-        raise SkywayError(f"{file} cannot be read: {error}") from error
+        raise SkywayError(f"it cannot be read as NetCDF: {error.strerror}") from error
     with dataset:
         try:
             return _forecast(dataset, stations, source, height_m)
@@ -98,7 +99,7 @@ def read_netcdf(
         except (
             ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError
         ) as error:  # fmt: skip
-            raise SkywayError(f"the variables of {file} contradict each other: {error}") from error
+            raise SkywayError(f"its variables contradict each other: {error}") from error
 
 
 def _forecast(

@@ -84,7 +84,7 @@ def test_files_that_hold_no_forecast_are_refused(tmp_path: Path) -> None:
         read_netcdf(str(file), stations=STATIONS, source=None)
 
     file.write_text("text")
-    with pytest.raises(SkywayError, match="cannot be read"):
+    with pytest.raises(SkywayError, match="cannot be read as NetCDF"):
         read_netcdf(str(file), stations=STATIONS, source=None)
 
 
