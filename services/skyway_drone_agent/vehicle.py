@@ -44,7 +44,7 @@ class Reading:
     `consumed_j` counts the energy that left the battery since the vehicle was switched on. Charging
     counts backwards. `current_a` is negative while charging. Speeds are vectors, east and north:
     over ground, and through the air. `load_kg` is the mass on board, None without such a sensor.
-    A battery that no longer reports has its last voltage. `cells` are in series.
+    A battery that reports nothing has its last voltage. `cells` are in series.
     """
 
     at: datetime

@@ -168,6 +168,10 @@ def weather(
             help="Of a NetCDF file: the name of the source, instead of the name in the file."
         ),
     ] = None,
+    height_m: Annotated[
+        float | None,
+        typer.Option(help="Of a NetCDF file with the wind of several heights: metres, if not 10."),
+    ] = None,
     remove: Annotated[
         bool, typer.Option("--remove", help="Remove the forecast; plans assume still air again.")
     ] = False,
@@ -177,10 +181,16 @@ def weather(
     """Give a network of the running Skyway a forecast, show the one in force, or remove it."""
     if remove and file is not None:
         raise typer.BadParameter("--remove takes no FILE")
-    if source is not None and file is None:
-        raise typer.BadParameter("it needs a NetCDF file", param_hint="--source")
+    from skyway.cli.weather_file import NETCDF_SUFFIXES
+
+    options = {"--source": source, "--height-m": height_m}
+    given = [option for option, value in options.items() if value is not None]
+    if given and not (file or "").lower().endswith(NETCDF_SUFFIXES):
+        raise typer.BadParameter("it needs a NetCDF file", param_hint=given[0])
     folder = data_folder(data)
-    body = None if file is None else _forecast(file, network_id, source=source, folder=folder)
+    body = None
+    if file is not None:
+        body = _forecast(file, network_id, source=source, height_m=height_m, folder=folder)
     answer = call_gateway(
         "DELETE" if remove else "GET" if file is None else "PUT",
         f"{_path(network_id)}/weather",
@@ -190,21 +200,22 @@ def weather(
     typer.echo(f"{network_id}: still air" if remove else _weather_line(answer))
 
 
-def _forecast(file: str, network_id: str, *, source: str | None, folder: DataFolder) -> bytes:
+def _forecast(
+    file: str, network_id: str, *, source: str | None, height_m: float | None, folder: DataFolder
+) -> bytes:
     """The forecast in a file as JSON; of a NetCDF file the part around the network's stations."""
-    from skyway.cli.weather_file import NETCDF_SUFFIXES, read_netcdf
+    from skyway.cli.weather_file import GRIB_SUFFIXES, NETCDF_SUFFIXES, read_netcdf
     from skyway.network.geojson import read_network
 
+    if file.lower().endswith(GRIB_SUFFIXES):
+        _unreadable(f"{file}: GRIB files are not read: convert it to NetCDF with grib_to_netcdf")
     if not file.lower().endswith(NETCDF_SUFFIXES):
-        if source is not None:
-            raise typer.BadParameter(
-                "only a NetCDF file can have another source", param_hint="--source"
-            )
         return _text(file).encode()
     answer = call_gateway("GET", _path(network_id), folder=folder)
     try:
         stations = [each.position for each in read_network(answer).stations.values()]
-        return json.dumps(read_netcdf(file, stations=stations, source=source)).encode()
+        found = read_netcdf(file, stations=stations, source=source, height_m=height_m)
+        return json.dumps(found).encode()
     except SkywayError as error:
         _unreadable(f"{file}: {error}")
 

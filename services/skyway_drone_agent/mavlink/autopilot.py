@@ -41,7 +41,7 @@ class Autopilot:
         self._pack = BatteryPack()
         self._batteries = Batteries(dialect, model.battery_j)
         #: Wall moments of the newest message of each type that had a known value.
-        self._heard_at: dict[str, datetime] = {}
+        self._newest_at: dict[str, datetime] = {}
         self._fixes: dict[str, float] = {}
         self._ground_mps: _Velocity | None = None
         self._air_speed_mps: float | None = None
@@ -61,7 +61,7 @@ class Autopilot:
         kind = message.get_type()
         reading = _READERS.get(kind)
         if reading is not None and reading(self, message):
-            self._heard_at[kind] = self._clock.wall_now()
+            self._newest_at[kind] = self._clock.wall_now()
             self._news.set()
 
     async def until(self, claim: Callable[[], bool], *, timeout_s: float | None = None) -> bool:
@@ -101,11 +101,11 @@ class Autopilot:
     @property
     def landed_state(self) -> int | None:
         """None if the state is no longer repeated, although there are heartbeats."""
-        heard_at, beat_at = (
-            self._heard_at.get("EXTENDED_SYS_STATE"),
-            self._heard_at.get("HEARTBEAT"),
+        newest_at, beat_at = (
+            self._newest_at.get("EXTENDED_SYS_STATE"),
+            self._newest_at.get("HEARTBEAT"),
         )
-        if heard_at is None or beat_at is None or beat_at - heard_at <= _FRESH:
+        if newest_at is None or beat_at is None or beat_at - newest_at <= _FRESH:
             return self._landed_state
         return None
 
@@ -189,8 +189,8 @@ class Autopilot:
         return any(fix >= _FIX_3D and self._is_fresh(kind) for kind, fix in self._fixes.items())
 
     def _is_fresh(self, kind: str) -> bool:
-        heard_at = self._heard_at.get(kind)
-        return heard_at is not None and self._clock.wall_now() - heard_at <= _FRESH
+        newest_at = self._newest_at.get(kind)
+        return newest_at is not None and self._clock.wall_now() - newest_at <= _FRESH
 
     def _motors_work(self) -> bool:
         stopped = (

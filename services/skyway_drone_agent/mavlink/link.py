@@ -113,14 +113,16 @@ class MavlinkLink:
                     queue.put(message)
 
     def _found(self, source: tuple[int, int]) -> None:
-        told = {"system": source[0], "component": source[1]}
+        source_ids = {"system": source[0], "component": source[1]}
         if not self._target.done() and self._system_id in (None, source[0]):
             self._target.set_result(source)
             self.mav.srcSystem = source[0]
-            log.info("autopilot found", extra=told)
+            log.info("autopilot found", extra=source_ids)
         elif source not in self._others and source != self._chosen:
             self._others.add(source)
-            log.warning("another autopilot on the link is ignored: see --system-id", extra=told)
+            log.warning(
+                "another autopilot on the link is ignored: see --system-id", extra=source_ids
+            )
 
     @property
     def _chosen(self) -> tuple[int, int] | None:
@@ -153,7 +155,7 @@ async def mavlink_link(
 ) -> AsyncIterator[MavlinkLink]:
     """The connection at an address in pymavlink's form: ``udpin:127.0.0.1:14550``.
 
-    Without `system_id` the first autopilot that is heard is the drone's.
+    Without `system_id` the first autopilot that sends is the drone's.
 
     Raises
     ------

@@ -54,7 +54,7 @@ class MavlinkSettings:
     """The address of the autopilot, and how its drone is used.
 
     A release that is not answered for `release_s` of wall time may have been done, or not.
-    Without `system_id` the first autopilot that is heard is the drone's.
+    Without `system_id` the first autopilot that sends is the drone's.
     """
 
     address: str

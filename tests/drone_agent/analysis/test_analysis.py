@@ -1,6 +1,7 @@
 """The analysis over whole missions: exact when all goes by the model, fair when it does not."""
 
 import math
+from dataclasses import replace
 from datetime import timedelta
 from functools import cache
 from itertools import pairwise
@@ -241,3 +242,33 @@ def test_range_and_charge_at_landing_fall_together_with_the_charge() -> None:
     flown_m = MODEL.speed_empty_mps * timedelta(seconds=5).total_seconds()
     steps_m = [before - after for before, after in pairwise(ranges)]
     assert steps_m == pytest.approx([flown_m] * len(steps_m), rel=1e-6)
+
+
+def test_a_battery_of_twelve_cells_has_the_same_charge_as_one_of_six() -> None:
+    six, twelve = Analysis(MODEL), Analysis(MODEL)
+
+    for moment in undisturbed_moments()[:50]:
+        reading = moment.reading
+        double = replace(
+            reading, cells=12, voltage_v=2 * reading.voltage_v, current_a=reading.current_a / 2
+        )
+        expected = six.assess(reading, moment.logbook)
+        found = twelve.assess(double, moment.logbook)
+        assert (found.soc, found.soc_error) == (expected.soc, expected.soc_error)
+
+
+def test_the_last_voltage_of_a_silent_battery_does_not_hold_the_charge() -> None:
+    analysis = Analysis(MODEL)
+    moment = undisturbed_moments()[0]
+    first = analysis.assess(moment.reading, moment.logbook)
+
+    for seconds in range(1, 100):
+        silent = replace(
+            moment.reading,
+            at=moment.reading.at + timedelta(seconds=seconds),
+            consumed_j=moment.reading.consumed_j + seconds * 0.001 * MODEL.battery_j,
+            has_battery=False,
+        )
+        last = analysis.assess(silent, moment.logbook)
+
+    assert first.soc - last.soc == pytest.approx(0.099)

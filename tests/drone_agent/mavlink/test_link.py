@@ -31,8 +31,8 @@ class Link:
         )
         clock: Any = SimpleNamespace()
         self.link = MavlinkLink(connection, dialect, clock, system_id=system_id)
-        self.heard: list[Any] = []
-        self.link.listen(self.heard.append)
+        self.passed_on: list[Any] = []
+        self.link.listen(self.passed_on.append)
 
     def arrive(self, source: tuple[int, int], kind: str, *values: Any) -> None:
         message = getattr(self._dialect, f"MAVLink_{kind}_message")(*values)
@@ -80,7 +80,7 @@ async def test_a_second_autopilot_is_reported_once_and_ignored(
                 link.arrive((system, 1), "extended_sys_state", 0, system - 6)
 
     assert await link.target() == (7, 1)
-    states = [one.landed_state for one in link.heard if one.get_type() == "EXTENDED_SYS_STATE"]
+    states = [one.landed_state for one in link.passed_on if one.get_type() == "EXTENDED_SYS_STATE"]
     assert states == [1, 1, 1]
     reported = [one for one in caplog.records if one.levelname == "WARNING"]
     assert [(one.msg, vars(one)["system"]) for one in reported] == [
@@ -88,7 +88,7 @@ async def test_a_second_autopilot_is_reported_once_and_ignored(
     ]
 
 
-async def test_a_named_system_is_the_drones_whichever_is_heard_first(dialect: Any) -> None:
+async def test_a_named_system_is_the_drones_whichever_sends_first(dialect: Any) -> None:
     link = Link(dialect, system_id=8)
     link.beat((7, 1), QUADROTOR, ARDUPILOT)
     link.beat((8, 1), QUADROTOR, ARDUPILOT)
@@ -101,7 +101,7 @@ async def test_messages_of_another_component_do_not_count(dialect: Any) -> None:
     link.beat((7, 1), QUADROTOR, ARDUPILOT)
     link.arrive((7, 180), "extended_sys_state", 0, 2)
 
-    assert [one.get_type() for one in link.heard] == ["HEARTBEAT"]
+    assert [one.get_type() for one in link.passed_on] == ["HEARTBEAT"]
 
 
 async def test_answers_to_another_ground_station_do_not_count(dialect: Any) -> None:
