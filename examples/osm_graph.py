@@ -1,13 +1,13 @@
 """A graph of OpenStreetMap's kind in, a plan out: `python examples/osm_graph.py`.
 
 Programs that load OpenStreetMap give nodes `x` (longitude) and `y` (latitude), edges `length` in
-metres, and often several edges between two nodes. A skyway network has `pos` and `length_m`.
+metres, and often several edges between two nodes. `from_networkx` reads such a graph as it is; node
+1 becomes station "1".
 """
 
 import networkx as nx
 
 from skyway.drone.models import DRONE_MODELS
-from skyway.network.network import Network
 from skyway.network.nx import from_networkx
 from skyway.planner import compose
 from skyway.planner.problem import DroneAtStart, PackageToDeliver, Problem
@@ -31,22 +31,12 @@ def streets() -> "nx.MultiDiGraph[int]":
     return graph
 
 
-def skyway_of(graph: "nx.MultiDiGraph[int]") -> Network:
-    """A skyway network over the streets: a station at each node, the shortest of parallel edges."""
-    skyway: nx.DiGraph[str] = nx.DiGraph()
-    for node, place in graph.nodes(data=True):
-        skyway.add_node(str(node), pos=(place["x"], place["y"]), pads=1)
-    for one, other, edge in sorted(graph.edges(data=True), key=lambda edge: -edge[2]["length"]):
-        skyway.add_edge(str(one), str(other), length_m=edge["length"])
-    return from_networkx(skyway)
-
-
 def main() -> None:
     """Plan one package across the streets, and print its path."""
     model = DRONE_MODELS["dji-matrice-300-rtk"]
     package = PackageToDeliver(package_id="book", mass_kg=0.4, destination="3")
     problem = Problem(
-        network=skyway_of(streets()),
+        network=from_networkx(streets()),
         drone=DroneAtStart(model=model, soc=model.top_soc),
         source="1",
         packages=[package],

@@ -72,6 +72,8 @@ _FOREIGN: Final = frozenset(get_args(ErrorType))
 def sentence_of(complaint: Mapping[str, Any]) -> str:
     """What is wrong, with the limit. Our own kinds of errors bring their sentence with them."""
     kind, context = complaint["type"], complaint.get("ctx", {})
+    if kind == "string_type" and type(complaint.get("input")) is int:
+        return f'must be text, such as "{str(complaint["input"])[:20]}"'
     if (words := _PATTERNS.get(context.get("pattern", ""))) is not None:
         return words
     sentence = _BY_KIND.get(kind, "is not valid" if kind in _FOREIGN else complaint["msg"])

@@ -19,6 +19,10 @@ _IDENTIFIER = TypeAdapter(StationId)
 _MOMENT: Final = TypeAdapter[datetime](Moment)
 _LONGITUDE_LIMIT_DEG = 180.0
 _LATITUDE_LIMIT_DEG = 90.0
+_ALTITUDE_LIMIT_M = 100_000.0
+
+#: The names of longitude and latitude on WGS 84, which is the only system that is read.
+_WGS_84: Final = frozenset(("crs84", "epsg:4326", "wgs84", "4326"))
 
 # The values below are `Any`: they come from json.loads and are checked here.
 
@@ -106,14 +110,33 @@ def moment_or_none(value: Any, path: str) -> datetime | None:
 
 
 def position(value: Any, path: str) -> Position:
-    """A GeoJSON position of two numbers, longitude first; an altitude is refused, not dropped."""
+    """A GeoJSON position, longitude first; its altitude, if any, must be a number, and is not used.
+
+    Drones fly at their own height above what is below them, so stations have no altitude.
+    """
     pair = array(value, path)
-    if len(pair) != len(Position._fields):
+    if not 2 <= len(pair) <= 3:
         raise InvalidNetwork(path, f"{len(pair)} numbers instead of [longitude, latitude]")
+    if len(pair) == 3:
+        number(pair[2], f"{path}.2", low=-_ALTITUDE_LIMIT_M, high=_ALTITUDE_LIMIT_M)
     return Position(
         number(pair[0], f"{path}.0", low=-_LONGITUDE_LIMIT_DEG, high=_LONGITUDE_LIMIT_DEG),
         number(pair[1], f"{path}.1", low=-_LATITUDE_LIMIT_DEG, high=_LATITUDE_LIMIT_DEG),
     )
+
+
+def reference_system(value: Any, path: str) -> None:
+    """Refuse a coordinate reference system other than longitude and latitude on WGS 84.
+
+    Its name stands alone, or in a `crs` member as GeoJSON had it before RFC 7946.
+    """
+    if isinstance(value, Mapping):
+        value = mapping(value.get("properties"), f"{path}.properties").get("name")
+    # As "urn:ogc:def:crs:OGC:1.3:CRS84" or "urn:ogc:def:crs:EPSG::4326".
+    name = str(value).lower().removeprefix("urn:ogc:def:crs:").replace("::", ":")
+    if name.removeprefix("ogc:").removeprefix("1.3:") not in _WGS_84:
+        detail = f"{shown(str(value))} is not EPSG:4326: give longitude and latitude in degrees"
+        raise InvalidNetwork(path, detail)
 
 
 def shown(value: Any) -> str:

@@ -61,6 +61,8 @@ def assembled(
     columns: Columns, zone_features: Iterable[Feature], members: Mapping[str, Any]
 ) -> Network:
     """The network of these columns and zones, with the settings among the document's members."""
+    if members.get("crs") is not None:
+        fields.reference_system(members["crs"], "crs")
     zones: dict[ZoneId, Zone] = {}
     for feature in zone_features:
         zone = read_zone(feature)

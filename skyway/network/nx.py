@@ -3,6 +3,11 @@
 Nodes are stations; their attributes are `pos` (longitude and latitude in degrees, the name that
 NetworkX's own drawing uses), `pads`, `parking` and `name`. Edges are segments; their attribute is
 `length_m`. Other attributes are kept as properties. `graph.graph` may hold `zones` and `settings`.
+
+Graphs of streets as OSMnx makes them are read too: `x` and `y` instead of `pos`, `length` in metres
+instead of `length_m`, several edges between two nodes (the shortest counts, loops do not), and
+`crs`, which must be EPSG:4326. The lines in `geometry` are not read: drones fly straight. NumPy's numbers, truths and
+arrays count as Python's.
 """
 
 from collections.abc import Iterator, Mapping
@@ -37,8 +42,9 @@ _SEGMENT_ATTRIBUTES = frozenset(("length_m",))
 def from_networkx(graph: "networkx.Graph[Any]") -> Network:
     """The network of this graph; an edge of an undirected graph means both directions.
 
-    The id of a station is its node's name or whole number. Without `pads` a station has 4 pads;
-    without `length_m` a segment is as long as the great circle between its stations.
+    The id of a station is its node's name or whole number, as text: node 1 is station "1". Without
+    `pads` a station has 4 pads; without `length_m` a segment is as long as the great circle between
+    its stations.
 
     Raises
     ------
@@ -46,12 +52,53 @@ def from_networkx(graph: "networkx.Graph[Any]") -> Network:
         Names the node or edge and the attribute at fault: ``nodes.s1.pos``.
     """
     zones, settings = graph.graph.get("zones", ()), graph.graph.get("settings", {})
+    if "crs" in graph.graph:
+        fields.reference_system(graph.graph["crs"], "graph.crs")
     try:
         with collector_paused():
             columns = _columns(graph)
     except Doubtful:
-        columns = _columns_one_by_one(graph)
+        columns = _columns_one_by_one(_plain(graph))
     return Network.from_columns(columns, zones, dict(settings))
+
+
+def _plain(graph: "networkx.Graph[Any]") -> "networkx.Graph[Any]":
+    """The same graph in one form: Python's values, `pos` and `length_m`, one edge each way."""
+    import networkx
+
+    plain: networkx.Graph[Any] = networkx.DiGraph() if graph.is_directed() else networkx.Graph()
+    for node, attributes in graph.nodes(data=True):
+        plain.add_node(_value(node), **_renamed(attributes, pos=("x", "y")))
+    for start, end, attributes in graph.edges(data=True):
+        if start == end and graph.is_multigraph():
+            continue
+        edge = _renamed(attributes, length_m=("length",))
+        before = plain.get_edge_data(_value(start), _value(end))
+        if before is None or _is_shorter(edge, before):
+            plain.add_edge(_value(start), _value(end), **edge)
+    return plain
+
+
+def _value(value: Any) -> Any:  # of any type
+    """The value as Python's own, if it is one of NumPy's."""
+    return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else value
+
+
+def _renamed(attributes: Mapping[str, Any], **forms: tuple[str, ...]) -> dict[str, Any]:
+    """The attributes by Skyway's names: `forms` has the other names under which one may stand."""
+    plain = {name: _value(value) for name, value in attributes.items() if name != "geometry"}
+    for name, others in forms.items():
+        if name not in plain and plain.keys() >= set(others):
+            values = [plain.pop(each) for each in others]
+            plain[name] = values if len(values) > 1 else values[0]
+    return plain
+
+
+def _is_shorter(edge: Mapping[str, Any], before: Mapping[str, Any]) -> bool:
+    length_m, other_m = edge.get("length_m"), before.get("length_m")
+    if not isinstance(length_m, (int, float)) or not isinstance(other_m, (int, float)):
+        return False
+    return length_m < other_m
 
 
 def to_networkx(network: Network) -> "networkx.DiGraph[str]":
@@ -170,7 +217,7 @@ def _columns_one_by_one(graph: "networkx.Graph[Any]") -> Columns:
 
 def _station(node: object, attributes: dict[str, Any]) -> Station:
     path = f"nodes.{node}"
-    if not isinstance(node, (str, int)):
+    if not isinstance(node, (str, int)) or isinstance(node, bool):
         raise InvalidNetwork(path, "the id of a station is a string or a whole number")
     if "pos" not in attributes:
         raise InvalidNetwork(f"{path}.pos", "is missing: longitude and latitude in degrees")

@@ -172,4 +172,9 @@ def _area(file: Path) -> dict[str, Any]:
         content = content.get("geometry")
     if not isinstance(content, dict) or content.get("type") != "Polygon":
         fail(f"{file} holds no GeoJSON polygon")
-    return content
+    try:
+        # Areas have no altitudes, which drawing programs often add.
+        rings = [[place[:2] for place in ring] for ring in content["coordinates"]]
+    except (KeyError, TypeError):
+        fail(f"{file} holds a polygon without rings of positions")
+    return {**content, "coordinates": rings}

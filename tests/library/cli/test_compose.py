@@ -177,7 +177,7 @@ def test_all_faults_of_a_problem_are_lines_of_their_own():
 
     assert code == 2
     assert messages.splitlines() == [
-        "line 1: source: must be text, not 7",
+        'line 1: source: must be text, such as "7", not 7',
         "line 1: finish: must be 'recharge' or 'stay', not 'home'",
         "line 1: loading_s: must be at least 0, not -1",
     ]

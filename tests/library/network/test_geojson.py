@@ -163,7 +163,7 @@ LINE, RINGS = "features.2.geometry.coordinates", "features.3.geometry.coordinate
         ("features.1.properties", None, "null is not an object"),
         ("features.1.geometry", None, "null is not an object"),
         ("features.1.geometry.type", "Polygon", "'Polygon' is not 'Point'"),
-        ("features.1.geometry.coordinates", [1.0, 2.0, 3.0], "3 numbers instead of"),
+        ("features.1.geometry.coordinates", [1.0, 2.0, 3.0, 4.0], "4 numbers instead of"),
         ("features.1.geometry.coordinates.0", 180.1, "180.1 is above 180"),
         ("features.1.geometry.coordinates.1", -91, "-91 is below -90"),
         ("features.1.geometry.coordinates.1", "1", "'1' is not a number"),
@@ -213,6 +213,38 @@ def test_an_error_names_the_path_and_the_limit(path: str, value: Any, detail: st
 
     assert refusal.value.field == field
     assert detail in refusal.value.detail
+
+
+def test_an_altitude_is_read_and_not_used() -> None:
+    high = changed("features.1.geometry.coordinates", [1.0, 2.0, 350.5])
+    flat = changed("features.1.geometry.coordinates", [1.0, 2.0])
+    for document in (high, flat):
+        del document["features"][2:]
+
+    assert read_network(high) == read_network(flat)
+    with pytest.raises(InvalidNetwork, match=r"coordinates\.2: 'high' is not a number"):
+        read_network(changed("features.1.geometry.coordinates", [1.0, 2.0, "high"]))
+
+
+@pytest.mark.parametrize(
+    ("name", "is_read"),
+    [
+        ("urn:ogc:def:crs:OGC:1.3:CRS84", True),
+        ("urn:ogc:def:crs:EPSG::4326", True),
+        ("EPSG:4326", True),
+        ("urn:ogc:def:crs:EPSG::3857", False),
+        ("urn:ogc:def:crs:OGC:1.3:CRS83", False),
+        (None, False),
+    ],
+)
+def test_a_document_in_other_coordinates_is_refused(name: str | None, is_read: bool) -> None:
+    document = make_document(A, B) | {"crs": {"type": "name", "properties": {"name": name}}}
+
+    if is_read:
+        assert read_network(document) == read_network(make_document(A, B))
+        return
+    with pytest.raises(InvalidNetwork, match=r"crs: .* is not EPSG:4326"):
+        read_network(document)
 
 
 def test_a_document_that_is_not_an_object_is_refused() -> None:

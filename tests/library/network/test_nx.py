@@ -1,10 +1,12 @@
 from typing import Any
 
 import networkx
+import numpy as np
 import pytest
 
 from skyway.errors import InvalidNetwork
 from skyway.geo import Position, distance_m
+from skyway.ids import StationId
 from skyway.network.bundled import texas_corridor
 from skyway.network.nx import from_networkx, to_networkx
 
@@ -101,16 +103,22 @@ def test_a_graph_is_the_same_network_with_and_without_lengths(kind: Any) -> None
         ([("a b", {"pos": (0, 0)})], [], "nodes.a b: 'a b' is not an identifier"),
         ([((0, 1), {"pos": (0, 0)})], [], "nodes.(0, 1): the id of a station is"),
         ([(1, {"pos": (0, 0)}), ("1", {"pos": (0, 0)})], [], "a second station called '1'"),
-        ([("a", {"pos": (0, 0)})], [("a", "a", {})], "edges.a.a: the segment starts where"),
+        ([(True, {"pos": (0, 0)})], [], "nodes.True: the id of a station is"),
+        ([(np.True_, {"pos": (0, 0)})], [], "nodes.True: the id of a station is"),
+        ([("a", {"x": 0.0, "y": float("nan")})], [], "nodes.a.pos.1: nan is not a finite number"),
+        ([("a", {"x": np.float32("nan"), "y": 0.0})], [], "nodes.a.pos.0: nan is not a finite"),
+        ([("a", {"pos": np.array([[0.0, 0.0]])})], [], "nodes.a.pos: 1 numbers instead"),
+        ([("a", {"x": 0.0})], [], "nodes.a.pos: is missing"),
+        ([("a", {"x": 181, "y": 0})], [], "nodes.a.pos.0: 181 is above 180"),
+        (
+            [("a", {"pos": (0, 0)}), ("b", {"pos": (0, 0)})],
+            [("a", "b", {"length": [10, 20]})],
+            "edges.a.b.length_m: an array is not a number",
+        ),
         (
             [("a", {"pos": (0, 0)}), ("b", {"pos": (0, 0)})],
             [("a", "b", {"length_m": "far"})],
             "edges.a.b.length_m: 'far' is not a number",
-        ),
-        (
-            [("a", {"pos": (0, 0)}), ("b", {"pos": (0, 0)})],
-            [("a", "b", {}), ("a", "b", {})],
-            "edges.a.b: a second segment",
         ),
     ],
 )
@@ -123,3 +131,58 @@ def test_a_graph_that_is_no_network_is_refused(nodes: Any, edges: Any, message: 
         from_networkx(graph)
 
     assert message in str(refusal.value)
+
+
+@pytest.mark.parametrize("crs", ["epsg:32614", "EPSG:3857", {"init": "x"}, 32614])
+def test_a_graph_in_other_coordinates_is_refused_by_name(crs: Any) -> None:
+    with pytest.raises(InvalidNetwork, match=r"graph\.crs"):
+        from_networkx(networkx.MultiDiGraph(crs=crs))
+
+
+def test_a_loop_is_refused_where_it_cannot_come_from_a_map_of_streets() -> None:
+    graph: networkx.DiGraph[str] = networkx.DiGraph()
+    graph.add_node("a", pos=(0, 0))
+    graph.add_edge("a", "a")
+
+    with pytest.raises(InvalidNetwork, match=r"edges\.a\.a: the segment starts where it ends"):
+        from_networkx(graph)
+
+
+@pytest.mark.parametrize(
+    "pos", [(0.5, 1.0), [0.5, 1.0], np.array([0.5, 1.0]), np.array([0.5, 1.0], np.float32)]
+)
+def test_values_of_numpy_count_as_those_of_python(pos: Any) -> None:
+    plain: networkx.Graph[Any] = networkx.Graph()
+    plain.add_node("1", pos=(0.5, 1.0), pads=2, parking=True, roof=3)
+    plain.add_node("2", pos=(0.6, 1.0))
+    plain.add_edge("1", "2", length_m=12_000.0)
+    other: networkx.Graph[Any] = networkx.Graph()
+    other.add_node(np.int64(1), pos=pos, pads=np.int32(2), parking=np.True_, roof=np.uint8(3))
+    other.add_node(2, pos=(np.float64(0.6), 1))
+    other.add_edge(np.int64(1), 2, length_m=np.int64(12_000))
+
+    assert from_networkx(other) == from_networkx(plain)
+
+
+def test_a_graph_of_streets_is_read_as_it_is() -> None:
+    """OSMnx gives x, y, length, several edges between two nodes, loops, lines and a crs."""
+    streets: networkx.MultiDiGraph[Any] = networkx.MultiDiGraph(crs="epsg:4326")
+    streets.add_node(42429, x=-97.9, y=29.9, street_count=3)
+    streets.add_node(42430, x=-97.8, y=29.9, street_count=3)
+    for length in (11_000.0, 9_700.5, 10_000.0):
+        streets.add_edge(42429, 42430, osmid=[1, 2], length=length, geometry=object())
+    streets.add_edge(42430, 42429, osmid=3, length=9_800.0, oneway=True)
+    streets.add_edge(42430, 42430, osmid=4, length=120.0)
+
+    network = from_networkx(streets)
+
+    assert {each.station_id: each.position for each in network.stations.values()} == {
+        "42429": (-97.9, 29.9),
+        "42430": (-97.8, 29.9),
+    }
+    assert {(each.from_id, each.length_m) for each in network.segments} == {
+        ("42429", 9_700.5),
+        ("42430", 9_800.0),
+    }
+    assert network.stations[StationId("42429")].properties == {"street_count": 3}
+    assert "geometry" not in network.segments[0].properties
