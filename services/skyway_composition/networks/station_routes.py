@@ -7,7 +7,7 @@ from fastapi import Depends, Query
 from pydantic import Field, field_validator
 
 from skyway.contracts.station_check import NetworkStations, StationCheck, StationCheckQuery
-from skyway.geo import Position
+from skyway.geo import Box, Position
 from skyway.ids import NetworkId, StationId
 from skyway.json_model import JsonModel
 from skyway.network.components import station_parts
@@ -28,7 +28,6 @@ from skyway_composition.networks.prepared import (
     current_row,
 )
 from skyway_composition.networks.station_store import (
-    Box,
     StationRow,
     stations_after,
     stations_named,
