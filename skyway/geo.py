@@ -46,10 +46,13 @@ class Box(NamedTuple):
             box = cls(*map(float, text.split(",")))
         except (TypeError, ValueError) as error:
             raise ValueError("must be west,south,east,north in degrees") from error
-        if not (max(abs(box.west), abs(box.east)) <= 180 and box.south >= -90 and box.north <= 90):
-            raise ValueError("longitudes lie within 180 degrees, latitudes within 90")
-        if not box.south <= box.north:
-            raise ValueError("south must not lie north of north")
+        # Numbers that are no numbers lie in no range.
+        if not all(-180 <= each <= 180 for each in (box.west, box.east)) or not (
+            -90 <= box.south <= box.north <= 90
+        ):
+            raise ValueError(
+                "longitudes lie within 180 degrees, latitudes within 90, south below north"
+            )
         return box
 
     @classmethod

@@ -6,8 +6,8 @@ NetworkX's own drawing uses), `pads`, `parking` and `name`. Edges are segments; 
 
 Graphs of streets as OSMnx makes them are read too: `x` and `y` instead of `pos`, `length` in metres
 instead of `length_m`, several edges between two nodes (the shortest counts, loops do not), and
-`crs`, which must be EPSG:4326. The lines in `geometry` are not read: drones fly straight. NumPy's numbers, truths and
-arrays count as Python's.
+`crs`, which must be EPSG:4326. The lines in `geometry` are not read: drones fly straight. NumPy's
+numbers, truths and arrays count as Python's.
 """
 
 from collections.abc import Iterator, Mapping

@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from skyway.ids import ConnectorId
+from skyway.network.great_circle import unrolled_deg
 from skyway.network.network import Network
 from skyway.planner.kernels.dissection import dissected
 from skyway.planner.kernels.handles import handle_of
@@ -84,7 +85,9 @@ class Hierarchy:
         columns = network.columns
         skyway = handle_of(rows_of(network))
         stretch = np.cos(np.radians(columns.latitude_deg.mean())) if len(columns.pads) else 1.0
-        rank = dissected(skyway, columns.longitude_deg * stretch, columns.latitude_deg)
+        rank = dissected(
+            skyway, unrolled_deg(columns.longitude_deg) * stretch, columns.latitude_deg
+        )
         offsets, above = shortcuts(skyway, rank)
         return cls(network, rank, offsets, above, *shortcut_lengths(skyway, rank, offsets, above))
 

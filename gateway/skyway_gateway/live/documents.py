@@ -5,10 +5,11 @@ from typing import Any, Final
 
 from pydantic_core import to_jsonable_python
 
+from skyway.geo import Box
 from skyway.ids import DeliveryId
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.live.merge_patch import JsonObject
-from skyway_gateway.live.picture import FLEETS, OPERATORS, Bounds, Item, Key, Readers
+from skyway_gateway.live.picture import FLEETS, OPERATORS, Item, Key, Readers
 
 #: Members that become keys, or are for the gateway alone.
 _OUTSIDE_OF_MISSION: Final = frozenset({"mission_id", "steps", "packages", "service_steps"})
@@ -38,7 +39,7 @@ def mission_item(mission: Mapping[str, Any], promises: JsonObject) -> tuple[Key,
         for step in mission["steps"]
     }
     readers = Readers(operators=True, provider_id=mission["provider_id"])
-    bounds = _bounds_of(mission["steps"])
+    bounds = _around(step["position"] for step in mission["steps"])
     return Key("missions", mission["mission_id"]), Item(document, readers, bounds)
 
 
@@ -52,21 +53,25 @@ def customers_mission(mission: Mapping[str, Any], customer_id: str) -> tuple[Key
         for step in own
     }
     key = Key("missions", mission["mission_id"], customer_id)
-    return key, Item(document, Readers(customer_id=customer_id), _bounds_of(own))
+    return key, Item(
+        document, Readers(customer_id=customer_id), _around(step["position"] for step in own)
+    )
 
 
 def station_item(station: Mapping[str, Any]) -> tuple[Key, Item]:
     """A station where pads are taken or reserved."""
     document = _without(station, "station_id")
     return Key("stations", station["station_id"]), Item(
-        document, FLEETS, _point(station["position"])
+        document, FLEETS, Box.around([station["position"]])
     )
 
 
 def closure_item(closure: Mapping[str, Any]) -> tuple[Key, Item]:
     """A closure of any kind; without an area it is shown everywhere."""
     rings = closure.get("rings")
-    bounds = None if rings is None else _around(place for ring in rings for place in ring)
+    bounds = _around(place for ring in rings or () for place in ring)
+    if bounds is not None and not 0.0 < bounds.width_deg < 180.0:
+        bounds = None  # The ring may go around a pole or the whole Earth: it is near everything.
     return Key("closures", closure["closure_id"]), Item(
         _without(closure, "closure_id"), FLEETS, bounds
     )
@@ -139,19 +144,7 @@ def _without_nulls(value: Any) -> Any:  # any JSON value
     return value
 
 
-def _bounds_of(steps: Iterable[Mapping[str, Any]]) -> Bounds | None:
-    return _around(step["position"] for step in steps)
-
-
-def _point(position: Sequence[float]) -> Bounds:
-    longitude_deg, latitude_deg = position
-    return longitude_deg, latitude_deg, longitude_deg, latitude_deg
-
-
-def _around(positions: Iterable[Sequence[float]]) -> Bounds | None:
-    """The smallest bounds around these positions; None for no position."""
+def _around(positions: Iterable[Sequence[float]]) -> Box | None:
+    """The smallest box around these positions; None for no position."""
     places = list(positions)
-    if not places:
-        return None
-    longitudes, latitudes = zip(*places, strict=True)
-    return min(longitudes), min(latitudes), max(longitudes), max(latitudes)
+    return Box.around(places) if places else None

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
-from skyway.geo import Position, bearing_rad, distance_m
+from skyway.geo import Box, Position, bearing_rad, distance_m
 from skyway_gateway.live.merge_patch import JsonObject
 from skyway_gateway.live.picture import Item, Key, Readers
 
@@ -37,7 +37,7 @@ def drone_item(
     if landing is not None and document.get("activity") == "FLYING":
         document["next_landing"] = landing
     readers = Readers(operators=True, provider_id=drone["provider_id"])
-    return Key("drones", drone["drone_id"]), Item(document, readers, (*position, *position))
+    return Key("drones", drone["drone_id"]), Item(document, readers, Box.around([position]))
 
 
 def customers_drone(drone: Item, mission: JsonObject, key: Key) -> Item | None:

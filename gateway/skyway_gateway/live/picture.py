@@ -7,13 +7,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final, Literal, NamedTuple
 
+from skyway.geo import Box
 from skyway_gateway.live.merge_patch import JsonObject, patch_between
 
 Kind = Literal["drones", "missions", "stations", "closures", "alarms", "deliveries", "services"]
-
-#: West, south, east and north, in degrees.
-Bounds = tuple[float, float, float, float]
-
 
 #: Who sees the same items: a role, and the subject in it.
 Group = tuple[str, str]
@@ -71,7 +68,7 @@ class Item:
 
     document: JsonObject
     readers: Readers
-    bounds: Bounds | None = None
+    bounds: Box | None = None
 
 
 @dataclass(frozen=True)

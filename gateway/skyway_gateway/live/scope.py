@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import Self, get_args
 
 from skyway.errors import InvalidInput
+from skyway.geo import Box
 from skyway.ids import DeliveryId
 from skyway.runtime.http.identity import Caller
 from skyway_gateway.live.picture import (
     ALL_PROVIDERS,
-    Bounds,
     Change,
     Group,
     Item,
@@ -19,21 +19,15 @@ from skyway_gateway.live.picture import (
     Tick,
 )
 
-_NUMBERS_OF_BOUNDS = 4
-_MOST_LONGITUDE_DEG, _MOST_LATITUDE_DEG = 180.0, 90.0
-
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """A role with its subject, the kinds of items, and an area; viewers of one scope share a view.
-
-    When the area crosses the date line, its west has the larger longitude.
-    """
+    """A role with its subject, kinds of items, and an area; viewers of one scope share a view."""
 
     role: str
     subject_id: str
     kinds: frozenset[Kind]
-    bounds: Bounds | None = None
+    bounds: Box | None = None
 
     @classmethod
     def of(cls, caller: Caller, *, kinds: str | None, bbox: str | None) -> Self:
@@ -45,7 +39,11 @@ class Scope:
             An unknown kind, or a `bbox` that is not west,south,east,north in degrees.
         """
         subject_id = "" if caller.role == "operator" else caller.subject_id
-        return cls(caller.role, subject_id, _kinds(kinds), None if bbox is None else _bounds(bbox))
+        try:
+            bounds = None if bbox is None else Box.parse(bbox)
+        except ValueError as error:
+            raise InvalidInput("bbox", str(error)) from error
+        return cls(caller.role, subject_id, _kinds(kinds), bounds)
 
     @classmethod
     def of_link(cls, delivery_id: DeliveryId) -> Self:
@@ -85,16 +83,8 @@ class Scope:
             case _:
                 return False
 
-    def _is_near(self, bounds: Bounds | None) -> bool:
-        if self.bounds is None or bounds is None:
-            return True
-        west, south, east, north = self.bounds
-        item_west, item_south, item_east, item_north = bounds
-        if item_south > north or item_north < south:
-            return False
-        if west <= east:
-            return item_west <= east and item_east >= west
-        return item_east >= west or item_west <= east
+    def _is_near(self, bounds: Box | None) -> bool:
+        return self.bounds is None or bounds is None or self.bounds.meets(bounds)
 
 
 def _kinds(text: str | None) -> frozenset[Kind]:
@@ -106,21 +96,3 @@ def _kinds(text: str | None) -> frozenset[Kind]:
         if each not in known:
             raise InvalidInput("kinds", f"{each[:40]!r} is not one of {', '.join(known)}")
     return frozenset(kind for kind in known if kind in asked)
-
-
-def _bounds(text: str) -> Bounds:
-    try:
-        numbers = [float(each) for each in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != _NUMBERS_OF_BOUNDS:
-        raise InvalidInput("bbox", "must be west,south,east,north in degrees")
-    west, south, east, north = numbers
-    in_range = all(abs(each) <= _MOST_LONGITUDE_DEG for each in (west, east)) and all(
-        abs(each) <= _MOST_LATITUDE_DEG for each in (south, north)
-    )
-    if not in_range or south > north:
-        raise InvalidInput(
-            "bbox", "longitudes lie within 180 degrees, latitudes within 90, south below north"
-        )
-    return west, south, east, north

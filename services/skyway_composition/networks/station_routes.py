@@ -12,7 +12,7 @@ from skyway.contracts.station_check import (
     StationCheck,
     StationCheckQuery,
 )
-from skyway.geo import Position
+from skyway.geo import Box, Position
 from skyway.ids import NetworkId, StationId
 from skyway.json_model import JsonModel
 from skyway.network.components import station_parts
@@ -33,7 +33,6 @@ from skyway_composition.networks.prepared import (
     current_row,
 )
 from skyway_composition.networks.station_store import (
-    Box,
     StationRow,
     stations_after,
     stations_named,

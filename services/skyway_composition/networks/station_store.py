@@ -2,20 +2,17 @@
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Self
+from typing import Any, Final
 
-from pydantic import TypeAdapter
 from sqlalchemy import ColumnElement, Row, bindparam, delete, func, insert, select, true
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.geo import Position
+from skyway.geo import Box, Position
 from skyway.ids import NetworkId, StationId
 from skyway.network.network import Station
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway_composition.tables import pad_reservations, stations
-
-_CORNER: Final[TypeAdapter[Position]] = TypeAdapter(Position)
 
 # Built once, because many requests run these statements and building takes longer than running.
 _NETWORK_OF: Final = select(stations.c.network_id).where(
@@ -23,42 +20,6 @@ _NETWORK_OF: Final = select(stations.c.network_id).where(
 )
 
 _STATIONS_NAMED: Final = select(stations).where(in_list(stations.c.station_id, "station_ids"))
-
-
-@dataclass(frozen=True, slots=True)
-class Box:
-    """An area between two meridians and two parallels.
-
-    When the box crosses the date line, its south-west corner has the larger longitude.
-    """
-
-    south_west: Position
-    north_east: Position
-
-    @classmethod
-    def parse(cls, text: str) -> Self:
-        """The box in ``west,south,east,north``, in degrees, as GeoJSON orders a `bbox`.
-
-        Raises
-        ------
-        ValueError
-            The text is not four such numbers, or south lies north of north.
-        """
-        try:
-            west, south, east, north = map(float, text.split(","))
-            box = cls(
-                _CORNER.validate_python((west, south)), _CORNER.validate_python((east, north))
-            )
-        except ValueError as error:
-            raise ValueError("must be west,south,east,north in degrees") from error
-        if box.south_west.latitude_deg > box.north_east.latitude_deg:
-            raise ValueError("south must not lie north of north")
-        return box
-
-    @property
-    def crosses_date_line(self) -> bool:
-        """Whether the box contains a part of the 180th meridian."""
-        return self.south_west.longitude_deg > self.north_east.longitude_deg
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,10 +119,13 @@ def _parts(station_ids: Sequence[StationId]) -> Iterable[Sequence[StationId]]:
 
 
 def _lies_in(box: Box) -> ColumnElement[bool]:
-    (west, south), (east, north) = box.south_west, box.north_east
-    is_east, is_west = stations.c.longitude_deg >= west, stations.c.longitude_deg <= east
-    return stations.c.latitude_deg.between(south, north) & (
-        (is_east | is_west) if box.crosses_date_line else (is_east & is_west)
+    longitude_deg = stations.c.longitude_deg
+    is_east, is_west = longitude_deg >= box.west, longitude_deg <= box.east
+    is_between = (is_east | is_west) if box.west > box.east else (is_east & is_west)
+    # 180 and -180 are the same meridian.
+    edges = [-each for each in (box.west, box.east) if abs(each) == 180.0]
+    return stations.c.latitude_deg.between(box.south, box.north) & (
+        is_between | longitude_deg.in_(edges)
     )
 
 

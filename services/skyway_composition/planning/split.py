@@ -14,6 +14,7 @@ from skyway.contracts.candidate import Candidate, Possible
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import rank_offers
 from skyway.delivery.request import DeliveryRequest, Package
+from skyway.geo import bearing_rad
 from skyway.network.network import Network
 from skyway.scheduling.trip import NoTrip
 from skyway_composition.networks.settings import NetworkSettings
@@ -212,13 +213,10 @@ def _loads(
 def _swept(network: Network, request: DeliveryRequest) -> list[Package]:
     """The packages in order of their destinations' bearings, starting after the widest gap."""
     centre = network.stations[request.pickup.station_id].position
-    narrowing = math.cos(math.radians(centre.latitude_deg))
 
     def bearing(package: Package) -> tuple[float, str]:
-        place = network.stations[package.destination.station_id].position
-        east_deg = (place.longitude_deg - centre.longitude_deg) * narrowing
-        north_deg = place.latitude_deg - centre.latitude_deg
-        return math.atan2(east_deg, north_deg), package.destination.station_id
+        station_id = package.destination.station_id
+        return bearing_rad(centre, network.stations[station_id].position), station_id
 
     swept = sorted(request.packages, key=bearing)
     angles = [bearing(package)[0] for package in swept]

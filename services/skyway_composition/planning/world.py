@@ -14,8 +14,10 @@ from skyway.contracts.weather import WeatherNote
 from skyway.delivery.plan import Plan, Recharge
 from skyway.drone.learned_values import UNKNOWN_USE, LearnedValues
 from skyway.drone.model import DroneModel
+from skyway.geo import Box
 from skyway.ids import DroneModelId, HoldId, MissionId, StationId
 from skyway.network.columns import Rows
+from skyway.network.great_circle import beside_deg
 from skyway.network.network import Network
 from skyway.planner.compose import DEFAULT_STRATEGY
 from skyway.planner.energy_risk import EnergyRisk
@@ -263,15 +265,14 @@ def _rows_around(network: Network, places: Iterable[StationId], margin: float) -
     """The stations in the box around these places, with a margin as a share of its larger side."""
     columns = network.columns
     rows = [network.row_of[place] for place in places]
-    longitude_deg, latitude_deg = columns.longitude_deg[rows], columns.latitude_deg[rows]
-    west, east = longitude_deg.min(), longitude_deg.max()
-    south, north = latitude_deg.min(), latitude_deg.max()
-    more_deg = margin * max(east - west, north - south)
+    box = Box.around(zip(columns.longitude_deg[rows], columns.latitude_deg[rows], strict=True))
+    more_deg = margin * max(box.width_deg, box.north - box.south)
+    longitude_deg = beside_deg(columns.longitude_deg, box.west + box.width_deg / 2)
     is_near = (
-        (columns.longitude_deg >= west - more_deg)
-        & (columns.longitude_deg <= east + more_deg)
-        & (columns.latitude_deg >= south - more_deg)
-        & (columns.latitude_deg <= north + more_deg)
+        (longitude_deg >= box.west - more_deg)
+        & (longitude_deg <= box.west + box.width_deg + more_deg)
+        & (columns.latitude_deg >= box.south - more_deg)
+        & (columns.latitude_deg <= box.north + more_deg)
     )
     return np.flatnonzero(is_near).astype(np.int32)
 

@@ -5,7 +5,8 @@ It depends on the wind and on the consumption so far.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import cos, radians
+from heapq import nsmallest
+from operator import itemgetter
 from typing import Final
 
 from skyway.drone.flight import flight_power_w, speed_mps
@@ -112,8 +113,8 @@ class Reach:
         stop_j = self.model.stop_j / self.state_of_health
         safe_soc = self._safe_soc()
         in_reach = []
-        for landing in _nearest(landings, position):
-            length_m = distance_m(position, landing.position)
+        far = ((distance_m(position, landing.position), landing) for landing in landings)
+        for length_m, landing in nsmallest(_JUDGED, far, key=itemgetter(0)):
             flight_j = length_m * metre_j
             if self.wind_mps != _CALM_MPS:
                 flight_j *= self._slower(speed, bearing_rad(position, landing.position))
@@ -139,18 +140,6 @@ class Reach:
         if self.wind_mps == _CALM_MPS:
             return 1.0
         return speed / ground_speed_mps(speed, bearing, self.wind_mps)
-
-
-def _nearest(landings: Iterable[Landing], here: Position) -> list[Landing]:
-    """The nearest landings on a flat map."""
-    narrowing = cos(radians(here.latitude_deg))
-
-    def flat(landing: Landing) -> float:
-        east = (landing.position.longitude_deg - here.longitude_deg) * narrowing
-        north = landing.position.latitude_deg - here.latitude_deg
-        return east * east + north * north
-
-    return sorted(landings, key=flat)[:_JUDGED]
 
 
 class EnergyToLand:

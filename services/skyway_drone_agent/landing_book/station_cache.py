@@ -4,7 +4,6 @@ import logging
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from math import cos, hypot, radians
 from operator import itemgetter
 from pathlib import Path
 from typing import Final
@@ -12,11 +11,11 @@ from typing import Final
 from pydantic import ValidationError
 
 from skyway.contracts.flight_step import FlyStep
-from skyway.geo import Position, point_between
+from skyway.geo import Position, distance_m, point_between
 from skyway.ids import NetworkId, StationId
 from skyway.json_model import WireModel
 from skyway_drone_agent.analysis.landings import Landing
-from skyway_drone_agent.landing_book.tiles import Tile, nearest_side_deg, ring, tile_of
+from skyway_drone_agent.landing_book.tiles import Tile, covered_m, ring, tile_of
 
 log = logging.getLogger(__name__)
 
@@ -92,22 +91,18 @@ class StationCache:
 
     def nearest(self, here: Position, *, count: int) -> list[CachedStation]:
         """The nearest open stations of all networks, up to about 20 km away, nearest first."""
-        middle, narrowing = tile_of(here), cos(radians(here.latitude_deg))
 
-        def flat_deg(station: CachedStation) -> tuple[float, StationId]:
-            position = station.landing.position
-            east = (position.longitude_deg - here.longitude_deg + 180.0) % 360.0 - 180.0
-            north = position.latitude_deg - here.latitude_deg
-            return hypot(east * narrowing, north), station.landing.station_id
+        def far(station: CachedStation) -> tuple[float, StationId]:
+            landing = station.landing
+            return distance_m(here, landing.position), landing.station_id
 
         found: list[tuple[tuple[float, StationId], CachedStation]] = []
         for distance in range(_FURTHEST + 1):
-            for tile in ring(middle, distance):
-                found += [(flat_deg(one), one) for one in self._in(tile) if not one.is_closed]
+            for tile in ring(here, distance):
+                found += [(far(one), one) for one in self._in(tile) if not one.is_closed]
             found.sort(key=itemgetter(0))
             del found[count:]
-            searched_deg = nearest_side_deg(here, distance, narrowing=narrowing)
-            if len(found) == count and found[-1][0][0] <= searched_deg:
+            if len(found) == count and found[-1][0][0] <= covered_m(here, distance):
                 break
         return [station for _, station in found]
 

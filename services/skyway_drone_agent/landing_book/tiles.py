@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from skyway.geo import Position
+from skyway.geo import EARTH_RADIUS_M, Position
 
 #: A tile's sides, degrees: 5.6 km from south to north, less from west to east.
 TILE_DEG: Final = 0.05
@@ -16,8 +16,8 @@ _ROWS: Final = round(180 / TILE_DEG)
 #: Tiles by which the surroundings are larger than the flight: about 10 km.
 _BEYOND: Final = 2
 
-#: The most such tiles to the east and west: near the poles tiles are narrow.
-_MOST_BEYOND: Final = 12
+#: The most such tiles to the east and west, enough up to latitude 88: tiles are narrow there.
+_MOST_BEYOND: Final = 60
 
 #: Degrees by which boxes are larger than their tiles, so that rounding loses no station.
 _ROUNDING_DEG: Final = 1e-6
@@ -36,22 +36,33 @@ def tile_of(position: Position) -> Tile:
     return Tile(column, math.floor((position.latitude_deg + 90.0) / TILE_DEG))
 
 
-def ring(middle: Tile, distance: int) -> Iterator[Tile]:
-    """The tiles at this many steps from a tile: itself at 0, then the 8 around it, then 16."""
-    steps = range(-distance, distance + 1)
-    for north in steps:
-        at_edge = abs(north) == distance
-        for east in steps if at_edge else (-distance, distance):
-            yield Tile((middle.column + east) % _COLUMNS, middle.row + north)
+def narrowing_at(latitude_deg: float) -> float:
+    """How narrow a tile is there, as a share of its height; not less than is searched."""
+    return max(math.cos(math.radians(latitude_deg)), _BEYOND / _MOST_BEYOND)
 
 
-def nearest_side_deg(here: Position, distance: int, *, narrowing: float) -> float:
-    """The radius that the rings up to this one cover, in degrees of latitude."""
+def ring(here: Position, distance: int) -> Iterator[Tile]:
+    """The tiles at this many steps from that of a place: its own at 0, then those around it.
+
+    A step to the east or west is as many tiles as a step to the north is long.
+    """
+    middle, wide = tile_of(here), math.ceil(1 / narrowing_at(here.latitude_deg))
+    inner, outer = (distance - 1) * wide, distance * wide
+    for north in range(-distance, distance + 1):
+        for east in range(-outer, outer + 1):
+            if abs(north) == distance or abs(east) > inner:
+                yield Tile((middle.column + east) % _COLUMNS, middle.row + north)
+
+
+def covered_m(here: Position, distance: int) -> float:
+    """The radius that the rings up to this one cover."""
     east = (here.longitude_deg + 180.0) % TILE_DEG
     north = (here.latitude_deg + 90.0) % TILE_DEG
-    beside = min(east, TILE_DEG - east) * narrowing
-    above = min(north, TILE_DEG - north)
-    return min(beside + distance * TILE_DEG * narrowing, above + distance * TILE_DEG)
+    narrowing = math.cos(math.radians(abs(here.latitude_deg) + distance * TILE_DEG))
+    wide = distance * math.ceil(1 / narrowing_at(here.latitude_deg))
+    beside = (min(east, TILE_DEG - east) + wide * TILE_DEG) * max(narrowing, 0.0)
+    above = min(north, TILE_DEG - north) + distance * TILE_DEG
+    return math.radians(min(beside, above)) * EARTH_RADIUS_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +83,7 @@ class TileBox:
         if eastwards > _COLUMNS // 2:
             eastwards, west = _COLUMNS - eastwards, last.column
         furthest_deg = max(abs(start.latitude_deg), abs(end.latitude_deg))
-        narrowing = max(math.cos(math.radians(furthest_deg)), _BEYOND / _MOST_BEYOND)
-        beyond = math.ceil(_BEYOND / narrowing)
+        beyond = math.ceil(_BEYOND / narrowing_at(furthest_deg))
         south = max(0, min(first.row, last.row) - _BEYOND)
         north = min(_ROWS - 1, max(first.row, last.row) + _BEYOND)
         return cls(

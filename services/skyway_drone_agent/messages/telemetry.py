@@ -5,16 +5,14 @@ The drone leaves out samples that the cloud can compute from the last sample.
 
 import asyncio
 from datetime import datetime, timedelta
-from math import cos, hypot, radians
 from typing import Final, Never
 
 from skyway.contracts.drone_report import Telemetry
 from skyway.contracts.topics import TELEMETRY
-from skyway.geo import EARTH_RADIUS_M, Position
+from skyway.geo import distance_m, moved
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import MqttUnavailable
 from skyway_drone_agent.analysis.analysis import Assessment
-from skyway_drone_agent.analysis.flight_estimates import Velocity
 from skyway_drone_agent.failsafes.failsafe import Situation
 from skyway_drone_agent.link.uplink import Envelope, Uplink
 
@@ -65,19 +63,11 @@ class TelemetryThinning:
 
 
 def _strayed_m(sent: Assessment, now: Assessment) -> float:
-    """Distance from the predicted position, on a flat map, good for a few kilometres."""
-    east, north = _metres_between(sent.position, now.position)
-    flown: Velocity = sent.velocity_mps
+    """Distance from the predicted position."""
     seconds = (now.at - sent.at).total_seconds()
-    return hypot(east - flown[0] * seconds, north - flown[1] * seconds)
-
-
-def _metres_between(start: Position, end: Position) -> tuple[float, float]:
-    narrowing = cos(radians(start.latitude_deg))
-    east_deg = end.longitude_deg - start.longitude_deg
-    north_deg = end.latitude_deg - start.latitude_deg
-    metre = radians(EARTH_RADIUS_M)
-    return east_deg * narrowing * metre, north_deg * metre
+    east_mps, north_mps = sent.velocity_mps
+    predicted = moved(sent.position, east_m=east_mps * seconds, north_m=north_mps * seconds)
+    return distance_m(predicted, now.position)
 
 
 #: Least seconds between two samples, of fleet time and of wall time.

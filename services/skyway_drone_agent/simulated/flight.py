@@ -8,7 +8,7 @@ from datetime import datetime, timedelta
 from skyway.contracts.flight_step import FlyStep
 from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.drone.model import DroneModel
-from skyway.geo import EARTH_RADIUS_M, Position, bearing_rad, point_between
+from skyway.geo import Position, bearing_rad, moved, point_between
 from skyway.ids import DroneId
 from skyway_drone_agent.analysis.flight_estimates import ground_speed_mps
 from skyway_drone_agent.simulated.disturbances import Disturbances, FlightFault, happens, normals
@@ -80,7 +80,10 @@ class SimulatedFlight:
         if not left < fraction < 1.0:
             return on_track
         aside_m = most_m * math.sin(math.pi * (fraction - left) / (1.0 - left))
-        return _moved(on_track, aside_m, towards_rad=bearing_rad(start, end) + math.pi / 2)
+        to_right = bearing_rad(start, end) + math.pi / 2
+        return moved(
+            on_track, east_m=aside_m * math.sin(to_right), north_m=aside_m * math.cos(to_right)
+        )
 
     def motors_work(self, elapsed_s: float) -> bool:
         """Whether no motor has failed yet."""
@@ -164,13 +167,3 @@ def _ends_s(
         elapsed_s += step.length_m / count / ground_speed_mps(air_mps, bearing, wind_mps)
         ends_s.append(elapsed_s)
     return tuple(ends_s)
-
-
-def _moved(position: Position, by_m: float, *, towards_rad: float) -> Position:
-    """The position this many metres away, on a flat map, good for about a kilometre."""
-    latitude = math.radians(position.latitude_deg)
-    north = by_m * math.cos(towards_rad) / EARTH_RADIUS_M
-    east = by_m * math.sin(towards_rad) / (EARTH_RADIUS_M * math.cos(latitude))
-    return Position(
-        position.longitude_deg + math.degrees(east), position.latitude_deg + math.degrees(north)
-    )

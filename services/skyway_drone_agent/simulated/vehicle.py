@@ -9,7 +9,7 @@ from typing import Final
 
 from skyway.contracts.flight_step import FlyStep, PickUpStep, RechargeStep
 from skyway.drone.model import DroneModel
-from skyway.geo import EARTH_RADIUS_M, Position, bearing_rad
+from skyway.geo import Position, bearing_rad, moved
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances, normals
@@ -173,7 +173,7 @@ def _with_noise(true: Reading, disturbed: Disturbances, *, drone_id: DroneId) ->
     cell_v = (voltage_v - true.voltage_v) / _PACK.cells
     return replace(
         true,
-        position=_beside(true.position, east * sensors.gps_m, north * sensors.gps_m)
+        position=moved(true.position, east_m=east * sensors.gps_m, north_m=north * sensors.gps_m)
         if true.has_gps
         else true.position,
         air_mps=(
@@ -184,12 +184,4 @@ def _with_noise(true: Reading, disturbed: Disturbances, *, drone_id: DroneId) ->
         cell_low_v=true.cell_low_v + cell_v,
         cell_high_v=true.cell_high_v + cell_v,
         temperature_c=true.temperature_c + warmth * sensors.temperature_c,
-    )
-
-
-def _beside(position: Position, east_m: float, north_m: float) -> Position:
-    around_m = EARTH_RADIUS_M * math.cos(math.radians(position.latitude_deg))
-    return Position(
-        position.longitude_deg + math.degrees(east_m / around_m),
-        position.latitude_deg + math.degrees(north_m / EARTH_RADIUS_M),
     )

@@ -1,11 +1,12 @@
 """Tiles of the map: every place in a box of them lies within its corners."""
 
+import math
 import random
 
 import pytest
-from skyway_drone_agent.landing_book.tiles import TILE_DEG, Tile, TileBox, ring, tile_of
+from skyway_drone_agent.landing_book.tiles import TILE_DEG, Tile, TileBox, covered_m, ring, tile_of
 
-from skyway.geo import Position
+from skyway.geo import Position, moved
 
 
 def corners(box: TileBox) -> tuple[float, ...]:
@@ -31,7 +32,7 @@ def test_the_places_of_its_tiles_lie_in_a_box(
     west, south, east, north = corners(box)
     dice = random.Random(1)
 
-    assert box.columns * box.rows < 200
+    assert box.columns * box.rows < 700
     assert {tile_of(Position(*start)), tile_of(Position(*end))} <= set(box.tiles)
     for tile in box.tiles:
         longitude = (tile.column + dice.random()) * TILE_DEG - 180.0
@@ -50,8 +51,27 @@ def test_the_surroundings_reach_some_ten_kilometres_beyond_a_flight() -> None:
     assert 0.1 <= east + 97.9 <= 0.201
 
 
-def test_rings_cover_the_map_once() -> None:
-    around = [tile for distance in range(4) for tile in ring(Tile(0, 100), distance)]
+@pytest.mark.parametrize(
+    ("here", "width"), [((-180.0, -84.98), 12), ((179.99, 0.0), 1), ((10.0, 60.1), 3)]
+)
+def test_rings_cover_the_map_once(here: tuple[float, float], width: int) -> None:
+    place = Position(*here)
+    around = [tile for distance in range(4) for tile in ring(place, distance)]
 
-    assert len(around) == len(set(around)) == 49
-    assert Tile(7199, 99) in around
+    assert len(around) == len(set(around)) == 7 * (6 * width + 1)
+    middle = tile_of(place)
+    assert Tile((middle.column - 3 * width) % 7200, middle.row - 1) in around
+
+
+@pytest.mark.parametrize("latitude", [-87.9, -17.0, 0.0, 60.0, 75.0, 87.0])
+def test_rings_hold_all_places_that_they_cover(latitude: float) -> None:
+    dice = random.Random(latitude)
+    here = Position(dice.uniform(-180, 180), latitude)
+
+    for distance in range(5):
+        tiles = {tile for each in range(distance + 1) for tile in ring(here, each)}
+        radius_m = covered_m(here, distance)
+        for _ in range(200):
+            bearing = dice.uniform(0, math.tau)
+            east_m, north_m = radius_m * math.sin(bearing), radius_m * math.cos(bearing)
+            assert tile_of(moved(here, east_m=east_m * 0.999, north_m=north_m * 0.999)) in tiles

@@ -9,6 +9,7 @@ from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.view import LOOK_EVERY_S, TooSlow, View
 
 from skyway.errors import InvalidInput
+from skyway.geo import Box
 from skyway.runtime.http.identity import Caller
 from tests.gateway.live.merged import event_of, shown_after
 
@@ -34,7 +35,7 @@ def random_item(chance: random.Random) -> Item:
     longitude, latitude = chance.uniform(-180, 180), chance.uniform(-10, 10)
     if chance.random() < 0.5:
         longitude = chance.uniform(-2, 7)
-    bounds = chance.choice((None, (longitude, latitude, longitude, latitude)))
+    bounds = chance.choice((None, Box.around([(longitude, latitude)])))
     return Item({"value": chance.randrange(3), "more": {"x": chance.randrange(2)}}, readers, bounds)
 
 
