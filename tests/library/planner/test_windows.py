@@ -234,12 +234,16 @@ def test_verify_refuses_a_plan_outside_a_window(
     assert [(each.rule, each.detail) for each in found] == [("window", violation)]
 
 
+#: A network refuses opening hours that never open.
+LATER = {"exceptions": {"2026-05-01": ["08:00-09:00"]}}
+
+
 def with_hours(network: Network, **spans: list[str]) -> Network:
     """The network with these opening hours on 1 March 2026, a Sunday, in UTC."""
     stations = {
         station_id: replace(
             station,
-            properties={"opening_hours": {"weekly": {"sun": spans[station_id]}}}
+            properties={"opening_hours": {"weekly": {"sun": spans[station_id]}, **LATER}}
             if station_id in spans
             else {},
         )
