@@ -4,6 +4,7 @@ All of this happens in the plane of longitude and latitude: lines are straight t
 its closed outer ring without its open holes. Lines and edges go the shorter way round the Earth.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -22,8 +23,8 @@ from skyway.network.parts import Zone
 #: of three roundings on each side (Shewchuk 1997, "Adaptive precision floating-point arithmetic").
 _ROUNDING_SHARE = 4 * 2.0**-52
 
-#: A meridian has three longitudes that may lie beside a ring.
-_TURNS_DEG = (-360.0, 0.0, 360.0)
+#: The farthest from longitude 0 that a line beside its start may lie.
+_FARTHEST_DEG = 360.0
 
 #: Positions as longitudes and latitudes, ``(k,)`` each; and a corner of a zone.
 Points = tuple[Floats, Floats]
@@ -114,7 +115,10 @@ def _meets_ring(ring: Ring, starts: Points, ends: Points, meets: Mask, go_on: Go
     )
     westmost, eastmost = np.minimum(starts[0], ends[0]), np.maximum(starts[0], ends[0])
     inside = np.zeros(len(meets), np.bool_)
-    for turn_deg in _TURNS_DEG:
+    # The whole turns that bring a line beside the ring; one more is looked at than may be needed.
+    first = math.floor((west - eastmost.max(initial=-_FARTHEST_DEG)) / 360.0)
+    last = math.ceil((east - westmost.min(initial=_FARTHEST_DEG)) / 360.0)
+    for turn_deg in range(360 * first, 360 * last + 1, 360):
         is_near = has_latitude & (eastmost + turn_deg >= west) & (westmost + turn_deg <= east)
         rows = np.flatnonzero(is_near)
         if not len(rows):
@@ -123,7 +127,8 @@ def _meets_ring(ring: Ring, starts: Points, ends: Points, meets: Mask, go_on: Go
         end = ends[0][rows] + turn_deg, ends[1][rows]
         is_met, is_inside = _edge_by_edge(ring, start, end, go_on)
         meets[rows] |= is_met
-        inside[rows] |= is_inside
+        # Each edge counts once, also where the ring goes around the Earth and overlaps itself.
+        inside[rows] ^= is_inside
     return inside
 
 
