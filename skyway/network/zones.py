@@ -4,6 +4,7 @@ All of this happens in the plane of longitude and latitude: lines are straight t
 its closed outer ring without its open holes. Lines and edges go the shorter way round the Earth.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -22,11 +23,12 @@ from skyway.network.parts import Zone
 #: of three roundings on each side (Shewchuk 1997, "Adaptive precision floating-point arithmetic").
 _ROUNDING_SHARE = 4 * 2.0**-52
 
-#: A meridian has three longitudes that may lie beside a ring.
-_TURNS_DEG = (-360.0, 0.0, 360.0)
+#: The farthest from longitude 0 that a line beside its start may lie.
+_FARTHEST_DEG = 360.0
 
-#: Positions as longitudes and latitudes, ``(k,)`` each; a corner of a zone has single numbers.
+#: Positions as longitudes and latitudes, ``(k,)`` each; and a corner of a zone.
 Points = tuple[Floats, Floats]
+Corner = tuple[float, float]
 Mask = npt.NDArray[np.bool_]
 
 #: Called again and again by work that may take long; it ends the work by raising an error.
@@ -76,11 +78,11 @@ class Ring:
             max(north, self.pole_deg) if self.pole_deg else north,
         )
 
-    def edges(self) -> Iterator[tuple[Points, Points]]:
+    def edges(self) -> Iterator[tuple[Corner, Corner]]:
         """The edges without those of length zero, unless there are no others."""
-        corners = [(x, y) for x, y in zip(*map(np.atleast_1d, self.corners), strict=True)]
-        edges = [(start, end) for start, end in pairwise(corners) if start != end]
-        yield from edges or [(corners[0], corners[1])]
+        corners = list(zip(*(each.tolist() for each in self.corners), strict=True))
+        kept = [corners[0], *(end for start, end in pairwise(corners) if start != end)]
+        return pairwise(kept if len(kept) > 1 else [corners[0]] * 2)
 
 
 class Outline:
@@ -113,7 +115,10 @@ def _meets_ring(ring: Ring, starts: Points, ends: Points, meets: Mask, go_on: Go
     )
     westmost, eastmost = np.minimum(starts[0], ends[0]), np.maximum(starts[0], ends[0])
     inside = np.zeros(len(meets), np.bool_)
-    for turn_deg in _TURNS_DEG:
+    # The whole turns that bring a line beside the ring; one more is looked at than may be needed.
+    first = math.floor((west - eastmost.max(initial=-_FARTHEST_DEG)) / 360.0)
+    last = math.ceil((east - westmost.min(initial=_FARTHEST_DEG)) / 360.0)
+    for turn_deg in range(360 * first, 360 * last + 1, 360):
         is_near = has_latitude & (eastmost + turn_deg >= west) & (westmost + turn_deg <= east)
         rows = np.flatnonzero(is_near)
         if not len(rows):
@@ -122,7 +127,8 @@ def _meets_ring(ring: Ring, starts: Points, ends: Points, meets: Mask, go_on: Go
         end = ends[0][rows] + turn_deg, ends[1][rows]
         is_met, is_inside = _edge_by_edge(ring, start, end, go_on)
         meets[rows] |= is_met
-        inside[rows] |= is_inside
+        # Each edge counts once, also where the ring goes around the Earth and overlaps itself.
+        inside[rows] ^= is_inside
     return inside
 
 
@@ -134,33 +140,36 @@ def _edge_by_edge(ring: Ring, start: Points, end: Points, go_on: GoOn) -> tuple[
     """
     is_met = np.zeros(len(start[0]), np.bool_)
     is_inside = is_met.copy()
+    known: tuple[Corner, Floats] | None = None
     for corner, following in ring.edges():
         go_on()
-        corner_turn, following_turn = _turns(start, end, corner), _turns(start, end, following)
         start_turn, end_turn = _turns(corner, following, start), _turns(corner, following, end)
-        is_met |= (corner_turn * following_turn < 0) & (start_turn * end_turn < 0)
-        is_met |= _touches(corner_turn, start, end, corner)
-        is_met |= _touches(following_turn, start, end, following)
-        is_met |= _touches(start_turn, corner, following, start)
-        is_met |= _touches(end_turn, corner, following, end)
+        # Each edge but the first begins where the one before it ends.
+        corner_turn = known[1] if known and known[0] is corner else _turns(start, end, corner)
+        following_turn = _turns(start, end, following)
+        known = following, following_turn
+        is_met |= ((corner_turn > 0) != (following_turn > 0)) & ((start_turn > 0) != (end_turn > 0))
+        _note_touches(is_met, corner_turn, start, end, corner)
+        _note_touches(is_met, following_turn, start, end, following)
+        _note_touches(is_met, start_turn, corner, following, start)
+        _note_touches(is_met, end_turn, corner, following, end)
         is_west, is_end_west = corner[0] <= start[0], following[0] <= start[0]
         is_ahead = ((start_turn < 0) == is_west) ^ (ring.pole_deg > 0.0)
         is_inside ^= (is_west != is_end_west) & is_ahead
     return is_met, is_inside
 
 
-def _turns(a: Points, b: Points, c: Points) -> npt.NDArray[np.float64]:
-    """On which side of the line a to b each c lies: 1 left, -1 right, 0 exactly on it."""
+def _turns(a: Points | Corner, b: Points | Corner, c: Points | Corner) -> Floats:
+    """On which side of the line a to b each c lies: left above 0, right below, exactly on it 0."""
     ahead, up, over, beside = b[0] - a[0], c[1] - a[1], b[1] - a[1], c[0] - a[0]
     left, right = ahead * up, over * beside
-    turns = np.sign(np.atleast_1d(left - right))
-    is_doubtful = np.abs(left - right) <= _ROUNDING_SHARE * (np.abs(left) + np.abs(right))
-    # A product with an exact zero is exact.
-    is_exact = ((ahead == 0.0) | (up == 0.0)) & ((over == 0.0) | (beside == 0.0))
-    doubtful = np.flatnonzero(is_doubtful & ~is_exact)
-    if len(doubtful):
-        a_x, a_y, b_x, b_y, c_x, c_y = np.broadcast_arrays(*map(np.atleast_1d, (*a, *b, *c)))
-        for row in doubtful.tolist():
+    turns: Floats = np.asarray(left - right)
+    is_doubtful = np.abs(turns) <= _ROUNDING_SHARE * (np.abs(left) + np.abs(right))
+    if is_doubtful.any():
+        # A product with an exact zero is exact.
+        is_exact = ((ahead == 0.0) | (up == 0.0)) & ((over == 0.0) | (beside == 0.0))
+        a_x, a_y, b_x, b_y, c_x, c_y = np.broadcast_arrays(*a, *b, *c)
+        for row in np.flatnonzero(is_doubtful & ~is_exact).tolist():
             turns[row] = _exact_turn(*(each.item(row) for each in (a_x, a_y, b_x, b_y, c_x, c_y)))
     return turns
 
@@ -171,12 +180,15 @@ def _exact_turn(*degrees: float) -> int:
     return (turn > 0) - (turn < 0)
 
 
-def _touches(turns: npt.NDArray[np.float64], a: Points, b: Points, c: Points) -> Mask:
-    """Whether c lies on the line a to b: it turns to neither side, and lies in the line's box."""
-    is_on: Mask = turns == 0.0
-    if is_on.any():
-        for axis in (0, 1):
-            is_on &= (np.minimum(a[axis], b[axis]) <= c[axis]) & (
-                c[axis] <= np.maximum(a[axis], b[axis])
-            )
-    return is_on
+def _note_touches(
+    is_met: Mask, turns: Floats, a: Points | Corner, b: Points | Corner, c: Points | Corner
+) -> None:
+    """Note where c lies on the line a to b: it turns to neither side, and lies in its box."""
+    if turns.all():
+        return
+    is_on = turns == 0.0
+    for axis in (0, 1):
+        is_on &= (np.minimum(a[axis], b[axis]) <= c[axis]) & (
+            c[axis] <= np.maximum(a[axis], b[axis])
+        )
+    is_met |= is_on

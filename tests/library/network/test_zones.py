@@ -3,7 +3,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from skyway.geo import Position
@@ -197,13 +197,22 @@ def test_a_turned_zone_meets_the_same_lines(
         )
 
 
-# Corners all around the Earth: rings that hold a pole, and edges that go the shorter way.
-AROUND = st.builds(Position, st.floats(-180, 180), st.floats(-90, 90))
+# Corners all around the Earth: rings that hold a pole, and edges that go the shorter way. Floats
+# hold these steps exactly, also turned by 360 degrees.
+AROUND = st.builds(
+    Position,
+    st.integers(-180 * 1024, 180 * 1024).map(lambda steps: steps / 1024),
+    st.integers(-90 * 1024, 90 * 1024).map(lambda steps: steps / 1024),
+)
 
 
 @given(
     rings=st.lists(st.lists(AROUND, min_size=3, max_size=8), min_size=1, max_size=2),
     lines=st.lists(st.tuples(AROUND, AROUND), max_size=8),
+)
+@example(
+    rings=[[Position(*corner) for corner in ((-0.4, 0.2), (0, -1), (-180, 0), (0.1, 0), (0, 0))]],
+    lines=[(Position(-0.4, 0.0), Position(-0.4, 0.0))],
 )
 def test_the_verifier_and_the_search_agree_all_around_the_earth(
     rings: list[list[Position]], lines: list[tuple[Position, Position]]
