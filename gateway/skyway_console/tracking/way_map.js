@@ -14,7 +14,9 @@ function shape(name, attributes, text) {
 
 // From degrees to the picture: distances are right near the middle of the way.
 function projection(positions) {
-  const longitudes = positions.map(([longitude]) => longitude);
+  // A way across longitude 180 goes on beyond it.
+  const near = (longitude) => longitude + 360 * Math.round((positions[0][0] - longitude) / 360);
+  const longitudes = positions.map(([longitude]) => near(longitude));
   const latitudes = positions.map(([, latitude]) => latitude);
   const [west, east] = [Math.min(...longitudes), Math.max(...longitudes)];
   const [south, north] = [Math.min(...latitudes), Math.max(...latitudes)];
@@ -24,7 +26,7 @@ function projection(positions) {
     (HEIGHT - 2 * MARGIN) / Math.max(north - south, 1e-4),
   );
   return ([longitude, latitude]) => [
-    WIDTH / 2 + (longitude - (west + east) / 2) * narrowing * scale,
+    WIDTH / 2 + (near(longitude) - (west + east) / 2) * narrowing * scale,
     HEIGHT / 2 - (latitude - (south + north) / 2) * scale,
   ];
 }

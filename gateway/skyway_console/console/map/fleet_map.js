@@ -9,6 +9,7 @@ import {alternativeLines, closureShapes, planLines, segmentLines, stationPoints,
 import {mapStyle} from "./layers.js";
 import {readOwnStyle} from "./own_base_map.js";
 import {stationName} from "../words.js";
+import {collectionNear, drawAround, near} from "./longitudes.js";
 
 setWorkerUrl("/console/vendor/maplibre-gl-worker.mjs");
 
@@ -42,7 +43,7 @@ export class FleetMap {
   }
 
   whatIsAt({point, lngLat}) {
-    return {...this.drones.whatIsAt(point), position: [lngLat.lng, lngLat.lat]};
+    return {...this.drones.whatIsAt(point), position: lngLat.wrap().toArray()};
   }
 
   centre() {
@@ -52,6 +53,7 @@ export class FleetMap {
   showNetwork(network) {
     this.network = network;
     const stations = stationsOf(network);
+    if (stations.length) drawAround(stations[0].geometry.coordinates[0]);
     this.drones.showNames(stations.map(({geometry, properties}, number) => ({
       stationId: properties.station_id,
       name: properties.name ?? stationName(properties.station_id),
@@ -59,7 +61,7 @@ export class FleetMap {
       isFirst: number % Math.ceil(stations.length / 12) === 0,
     })));
     this.put("segments", segmentLines(network));
-    const places = stations.map(({geometry}) => geometry.coordinates);
+    const places = stations.map(({geometry}) => near(geometry.coordinates));
     if (places.length) this.map.fitBounds(around(places), {padding: 60, duration: 0});
   }
 
@@ -93,13 +95,17 @@ export class FleetMap {
     for (const [source, name] of [["countries", "countries"], ["counties", "us-counties"]]) {
       const lines = await outlines(name);
       if (this.isGone) return;
-      this.put(source, lines);
+      this.draw(source, lines);
     }
+  }
+
+  put(source, features) {
+    this.draw(source, collectionNear(features));
   }
 
   // Data is kept, because a change of the theme begins with empty sources. What is drawn already
   // is not drawn again: the whole map would be.
-  put(source, data) {
+  draw(source, data) {
     const text = JSON.stringify(data);
     if (this.drawn[source] === text) return;
     this.drawn[source] = text;

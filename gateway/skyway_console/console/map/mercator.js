@@ -1,10 +1,13 @@
 // From degrees to the screen. The map is never turned, so this is a product and a sum for each axis:
 // MapLibre's own `project` does the same for one point, and takes too long for thousands of drones.
 
+import {near} from "./longitudes.js";
+
 const TILE_PX = 512;
 
 // Longitude and latitude in degrees as shares of the world's width, from its middle, east and south.
-export function mercator([longitude, latitude]) {
+export function mercator(position) {
+  const [longitude, latitude] = near(position);
   const radians = (latitude * Math.PI) / 180;
   return [longitude / 360, -Math.log(Math.tan(Math.PI / 4 + radians / 2)) / (2 * Math.PI)];
 }
