@@ -119,7 +119,7 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
         "pickup in the past",
         {"earliest_pickup_at": "2026-03-01T11:54:59Z"},
         "earliest_pickup_at",
-        "is in the past: fleet time is 2026-03-01 12:00:00",
+        "is in the past: fleet time is 2026-03-01T12:00:00",
     ),
     (
         "deadline before the pickup",
