@@ -16,6 +16,14 @@ STANDS_TWICE: Final = "stands twice in one object"
 _NAMES: Final = re.compile(rb'"([^"]*)"\s*:')
 
 
+class BrokenJson(ValueError):
+    """A text is not JSON from this place on; lines and columns are counted from 1."""
+
+    def __init__(self, line: int, column: int) -> None:
+        super().__init__(f"not JSON at line {line}, column {column}")
+        self.line, self.column = line, column
+
+
 def json_value(text: bytes | str) -> Any:  # any JSON value
     """The value of JSON in UTF-8, with or without a byte order mark.
 
@@ -24,12 +32,16 @@ def json_value(text: bytes | str) -> Any:  # any JSON value
 
     Raises
     ------
+    BrokenJson
+        The text is not JSON.
     ValueError
-        The text is not JSON in UTF-8, or nests too deeply.
+        The text is not UTF-8, or nests too deeply.
     """
     try:
         text = text.decode("utf-8-sig") if isinstance(text, bytes) else text
         return json.loads(text, parse_int=whole_or_infinite)
+    except json.JSONDecodeError as error:
+        raise BrokenJson(error.lineno, error.colno) from error
     except UnicodeDecodeError as error:
         raise ValueError("the text is not UTF-8") from error
     except RecursionError as error:

@@ -3,7 +3,6 @@
 The planner is imported only by this command, because that takes time.
 """
 
-import json
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ import typer
 
 from skyway.cli.data_folder import data_folder, keep_kernels
 from skyway.errors import FieldFault, InvalidInput
-from skyway.json_text import json_value
+from skyway.json_text import BrokenJson, json_value
 
 if TYPE_CHECKING:
     from skyway.cli.problem_composer import ProblemComposer
@@ -170,7 +169,7 @@ def _lines(lines: Iterable[bytes], *, first_line: int) -> Iterator[Document | No
 def _read(raw: bytes, line: int) -> Document | NotJson:
     try:
         return Document(line, json_value(raw))
-    except json.JSONDecodeError as error:
-        return NotJson(line + error.lineno - 1, f"not JSON: {error.msg} at column {error.colno}")
+    except BrokenJson as error:
+        return NotJson(line + error.line - 1, f"not JSON at column {error.column}")
     except ValueError as error:
         return NotJson(line, f"not JSON: {error}")

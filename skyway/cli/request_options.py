@@ -218,7 +218,7 @@ def _object(file: Path) -> dict[str, Any]:
     try:
         document = json_value(file.read_bytes())
     except ValueError as error:
-        fail(f"--file {file}: not JSON: {error}")
+        fail(f"--file {file}: {error}")
     if not isinstance(document, dict):
         fail(f"--file {file}: a delivery request is a JSON object")
     return document

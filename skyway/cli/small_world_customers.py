@@ -1,7 +1,7 @@
 """The customers of the small world: they request a few packages to stations not far away.
 
-One delivery is requested every few seconds, while some drones are idle: whoever opens the console,
-or requests a delivery, finds a service that works.
+One delivery is requested every few seconds, while some drones are idle: people who open the
+console, or request a delivery, find a service that works.
 """
 
 import asyncio

@@ -167,7 +167,7 @@ def _area(file: Path) -> dict[str, Any]:
     try:
         content = json_value(file.read_bytes())
     except ValueError as error:
-        fail(f"{file} is not JSON: {error}")
+        fail(f"{file}: {error}")
     if isinstance(content, dict) and content.get("type") == "Feature":
         content = content.get("geometry")
     if not isinstance(content, dict) or content.get("type") != "Polygon":

@@ -12,6 +12,7 @@ import typer
 
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.gateway import fail, needed_settings
+from skyway.json_text import json_value
 
 FileArgument = Annotated[
     Path | None,
@@ -127,7 +128,7 @@ def agent_arguments(options: dict[str, object], absent: list[str] | None) -> lis
 def read_drones(file: Path) -> Drones:
     """The drones in a file; the command ends when the file holds none."""
     try:
-        content = json.loads(file.read_text())
+        content = json_value(file.read_bytes())
     except OSError as error:
         fail(f"{file} cannot be read: {error.strerror}")
     except ValueError as error:

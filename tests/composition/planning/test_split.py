@@ -21,7 +21,7 @@ from skyway.units import moment_to_ms
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
-FASTEST = {"objective": "fastest"}
+FASTEST = {"objective": "FASTEST"}
 
 
 async def publish(
@@ -152,7 +152,7 @@ async def test_a_deadline_that_is_too_early_is_answered_with_the_possible_moment
 
 
 @pytest.mark.parametrize(
-    ("objective", "trips"), [("fastest", 3), ("cheapest", 2)], ids=["fastest", "cheapest"]
+    ("objective", "trips"), [("FASTEST", 3), ("CHEAPEST", 2)], ids=["fastest", "cheapest"]
 )
 async def test_the_division_is_the_best_by_the_objective_of_the_customer(
     composition: Any, make: Any, objective: str, trips: int
@@ -176,7 +176,7 @@ async def test_an_order_has_an_offer_if_and_only_if_some_division_of_it_has_a_pl
         *rng.sample("abde", rng.choice([2, 3])),
         pickup="c",
         mass_kg=rng.choice([0.4, 6.0]),
-        qos={"objective": rng.choice(["fastest", "cheapest"])},
+        qos={"objective": rng.choice(["FASTEST", "CHEAPEST"])},
     )
     drones = [
         make.candidate(

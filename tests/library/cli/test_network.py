@@ -112,7 +112,7 @@ def test_show_reads_standard_input() -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("{", "Expecting property name"),
+        ("{", "not JSON at line 1, column 2"),
         ('{"type": "Feature"}', "type: 'Feature' is not 'FeatureCollection'"),
     ],
 )

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from skyway.errors import InvalidNetwork
 from skyway.geo import Position
 from skyway.ids import StationId
+from skyway.json_text import json_value
 from skyway.network.bundled import texas_corridor
 from skyway.network.geojson import read_network, write_network
 from skyway.network.geojson_text import network_text, read_network_text
@@ -117,4 +118,4 @@ def test_a_damaged_text_is_read_or_refused_like_the_whole_document(
 
     read = reading(text, read_network_text)
 
-    assert read == reading(text, lambda text: read_network(json.loads(text)))
+    assert read == reading(text, lambda text: read_network(json_value(text)))
