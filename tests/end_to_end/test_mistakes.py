@@ -28,11 +28,11 @@ FOREIGN: Final = (
 HERE, THERE = "oops-s1", "oops-s3"
 
 COMMANDS: Final[tuple[tuple[tuple[str, ...], str], ...]] = (
-    (("request", "ops-s1", "-p", f"{THERE}=0.5"), "did you mean oops-s1"),
-    (("request", HERE, "-p", "oops-3=0.5"), "did you mean oops-s3"),
+    (("request", "ops-s1", "-p", f"{THERE}=0.5"), "did you mean 'oops-s1'"),
+    (("request", HERE, "-p", "oops-3=0.5"), "did you mean 'oops-s3'"),
     (("request", HERE, "-p", f"{THERE}=0,5"), "'0,5' is not a mass in kg"),
     (("request", HERE, "-p", f"{THERE}=-1"), "packages.0.mass_kg: must be at least"),
-    (("request", HERE, "-p", THERE), "STATION=KG"),
+    (("request", HERE, "-p", THERE), "the mass is missing; write --package"),
     (("request", HERE, "-p", f"{HERE}=1"), "is the pickup: choose another station"),
     (("request", HERE), "give a pickup station and at least one --package"),
     (("request", "Oops S1", "-p", f"{THERE}=1"), "pickup.station_id"),
@@ -46,7 +46,7 @@ COMMANDS: Final[tuple[tuple[tuple[str, ...], str], ...]] = (
     (("quote", HERE, "-p", f"{THERE}=1", "--priority", "urgent"), "is not one of"),
     (("track", "dlv_nothing"), "no delivery 'dlv_nothing'"),
     (("network", "import", "nofile.json", "--network-id", "x"), "nofile.json"),
-    (("network", "import", "/", "--network-id", "x"), "folder"),
+    (("network", "import", "/", "--network-id", "x"), "directory"),
     (("network", "import", __file__, "--network-id", "x"), "not JSON"),
     (("network", "export", "--network-id", "texas"), "no network 'texas'"),
     (("fleet", "--drones", "0"), "--drones"),
