@@ -41,6 +41,7 @@ def state(*, eta_s: float = 600.0, drones: Any = (), **members: Any) -> dict[str
         "rate": 1.0,
         "packages": [package],
         "flights": [],
+        "station_names": {},
         "places": [{"station_id": "b", "position": [0, 0], "role": "DESTINATION"}],
         "drones": list(drones),
         **members,
