@@ -348,3 +348,26 @@ def test_a_past_flight_crosses_longitude_180_the_short_way(stage: StagedPage) ->
 
     assert drone["position"] == pytest.approx([180.0, 0])
     assert drone["heading_deg"] == pytest.approx(90.0)
+
+
+@pytest.mark.parametrize("centre", [179.0, 181.0, -179.0])
+def test_drones_stay_on_a_map_that_moves_across_longitude_180(
+    stage: StagedPage, centre: float
+) -> None:
+    # The world is 512 pixels wide, and the map 300.
+    script = """async (centre) => {
+      const {mercator, screenOf} = await import("/console/map/mercator.js");
+      const map = {
+        getContainer: () => ({clientWidth: 300}),
+        getZoom: () => 0,
+        project: () => ({x: 150 - (512 * centre) / 360, y: 0}),
+      };
+      return [179.9, -179.9].map((longitude) => screenOf(map)(mercator([longitude, 0]))[0]);
+    }"""
+
+    found = stage.open("/console#/alarms").page.evaluate(script, centre)
+
+    middle = 180.0 if centre > 0 else -180.0
+    assert found == pytest.approx(
+        [150 + 512 / 360 * (middle + aside - centre) for aside in (-0.1, 0.1)]
+    )
