@@ -311,3 +311,63 @@ def test_a_map_that_is_gone_ignores_the_theme(stage: StagedPage) -> None:
     page.wait_for_function("window.isDark")
 
     assert page.evaluate("window.styled") is None
+
+
+def test_what_lies_across_longitude_180_is_drawn_the_short_way(stage: StagedPage) -> None:
+    script = """async () => {
+      const {collectionNear, drawAround} = await import("/console/map/longitudes.js");
+      const {closureShapes, planLines} = await import("/console/map/features.js");
+      const {mercator} = await import("/console/map/mercator.js");
+      drawAround(179.96);
+      const rings = [[[179, 0], [-179, 0], [-179, 2], [179, 0]]];
+      const mission = {steps: {1: {kind: "FLY", from_position: [179.9, 0], position: [-179.9, 1]}}};
+      const drawn = (features) => collectionNear(features).features[0].geometry.coordinates;
+      return {
+        zone: drawn(closureShapes({features: []}, {z: {kind: "ZONE", rings}}))[0],
+        plan: drawn(planLines(mission, undefined)),
+        drones: [mercator([179.9, 0])[0], mercator([-179.9, 0])[0]],
+      };
+    }"""
+
+    found = stage.open("/console#/alarms").page.evaluate(script)
+
+    assert found["zone"] == [[179, 0], [181, 0], [181, 2], [179, 0]]
+    assert found["plan"] == [pytest.approx(end) for end in ([179.9, 0], [180.1, 1])]
+    assert found["drones"] == pytest.approx([179.9 / 360, 180.1 / 360])
+
+
+def test_a_past_flight_crosses_longitude_180_the_short_way(stage: StagedPage) -> None:
+    script = """async () => {
+      const {dronesAt} = await import("/console/parts/flight_record.js");
+      const sample = (atMs, position) => ({atMs, position, soc: 1});
+      const samples = [sample(0, [179.9, 0]), sample(10, [-179.9, 0])];
+      return dronesAt(new Map([["drn_1", samples]]), 5).drn_1;
+    }"""
+
+    drone = stage.open("/console#/alarms").page.evaluate(script)
+
+    assert drone["position"] == pytest.approx([180.0, 0])
+    assert drone["heading_deg"] == pytest.approx(90.0)
+
+
+@pytest.mark.parametrize("centre", [179.0, 181.0, -179.0])
+def test_drones_stay_on_a_map_that_moves_across_longitude_180(
+    stage: StagedPage, centre: float
+) -> None:
+    # The world is 512 pixels wide, and the map 300.
+    script = """async (centre) => {
+      const {mercator, screenOf} = await import("/console/map/mercator.js");
+      const map = {
+        getContainer: () => ({clientWidth: 300}),
+        getZoom: () => 0,
+        project: () => ({x: 150 - (512 * centre) / 360, y: 0}),
+      };
+      return [179.9, -179.9].map((longitude) => screenOf(map)(mercator([longitude, 0]))[0]);
+    }"""
+
+    found = stage.open("/console#/alarms").page.evaluate(script, centre)
+
+    middle = 180.0 if centre > 0 else -180.0
+    assert found == pytest.approx(
+        [150 + 512 / 360 * (middle + aside - centre) for aside in (-0.1, 0.1)]
+    )

@@ -1,5 +1,6 @@
 """What the tracking page's script shows of a delivery, and how it goes on after trouble."""
 
+import re
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -41,6 +42,7 @@ def state(*, eta_s: float = 600.0, drones: Any = (), **members: Any) -> dict[str
         "rate": 1.0,
         "packages": [package],
         "flights": [],
+        "station_names": {},
         "places": [{"station_id": "b", "position": [0, 0], "role": "DESTINATION"}],
         "drones": list(drones),
         **members,
@@ -125,3 +127,19 @@ def test_the_page_goes_on_when_the_gateway_answers_again(stage: StagedPage) -> N
     stage.is_silent = False
     page.clock.fast_forward(6_000)
     expect(page.locator("#connection")).to_be_hidden()
+
+
+def test_a_way_across_longitude_180_is_drawn_the_short_way(stage: StagedPage) -> None:
+    west, east = [179.95, -17.0], [-179.95, -17.0]
+    flight = {"status": "PLANNED", "from_position": west, "to_position": east}
+    places = [
+        {"station_id": "a", "position": west, "role": "PICKUP"},
+        {"station_id": "b", "position": east, "role": "DESTINATION"},
+    ]
+    stage.answers[f"{PAGE}/state"] = state(flights=[flight], places=places)
+
+    line = stage.open(PAGE).page.locator("#map line.planned")
+
+    # The whole way fills the picture between its margins, from west to east.
+    expect(line).to_have_attribute("x1", re.compile("^(44|43.9)"))
+    expect(line).to_have_attribute("x2", re.compile("^(356|355.9)"))

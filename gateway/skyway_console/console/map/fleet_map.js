@@ -47,7 +47,7 @@ export class FleetMap {
   }
 
   centre() {
-    return this.map.getCenter().toArray();
+    return this.map.getCenter().wrap().toArray();
   }
 
   showNetwork(network) {

@@ -12,9 +12,13 @@ export function mercator(position) {
   return [longitude / 360, -Math.log(Math.tan(Math.PI / 4 + radians / 2)) / (2 * Math.PI)];
 }
 
-// A function from such shares to pixels of the map as it is now.
+// A function from such shares to pixels of the map as it is now: of all times round the world, the
+// one that is nearest to the middle of the map, whose own longitude jumps at 180.
 export function screenOf(map) {
   const middle = map.project([0, 0]);
   const worldPx = TILE_PX * 2 ** map.getZoom();
-  return ([right, down]) => [middle.x + right * worldPx, middle.y + down * worldPx];
+  const centre = (map.getContainer().clientWidth / 2 - middle.x) / worldPx;
+  return ([right, down]) => [
+    middle.x + (right - Math.round(right - centre)) * worldPx, middle.y + down * worldPx,
+  ];
 }

@@ -63,13 +63,16 @@ function droneBetween(before, after, atMs) {
   if (!after) return {position: before.position, soc: before.soc, activity: "IDLE", faults: []};
   const share = (atMs - before.atMs) / (after.atMs - before.atMs);
   const between = (one, other) => one + (other - one) * share;
-  const moved = before.position.map((each, axis) => Math.abs(after.position[axis] - each));
+  // The place after it, beside the place before: a drone crosses longitude 180 the short way.
+  const [east, north] = after.position;
+  const there = [east + 360 * Math.round((before.position[0] - east) / 360), north];
+  const moved = before.position.map((each, axis) => Math.abs(there[axis] - each));
   const isFlying = Math.max(...moved) > STILL_DEG;
   return {
-    position: before.position.map((each, axis) => between(each, after.position[axis])),
+    position: before.position.map((each, axis) => between(each, there[axis])),
     soc: between(before.soc, after.soc),
     activity: isFlying ? "FLYING" : "IDLE",
-    heading_deg: headingDeg(before.position, after.position),
+    heading_deg: headingDeg(before.position, there),
     mission_id: isFlying ? "then" : undefined,
     faults: [],
   };
