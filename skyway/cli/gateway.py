@@ -154,6 +154,9 @@ def needed_settings(folder: DataFolder, *names: str) -> dict[str, str]:
     """
     _wait_for_start(folder)
     settings = read_keys(folder)
+    for name, value in settings.items():
+        if name.endswith("_KEY") and not value.isascii():
+            fail(f"{name} holds characters that no key has: copy the key again")
     for name in names:
         if not settings.get(name):
             fail(

@@ -227,8 +227,7 @@ def _object(file: Path) -> dict[str, Any]:
 def _package(number: int, text: str) -> dict[str, Any]:
     destination, equals, mass = text.partition("=")
     if not destination or not equals:
-        name = destination or "STATION"
-        fail(f"--package {text}: the mass is missing; write --package {name}=KG")
+        fail(f"--package {text}: write --package STATION=KG, such as --package mcqueeney=0.8")
     try:
         mass_kg = float(mass)
     except ValueError:

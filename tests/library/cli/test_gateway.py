@@ -190,3 +190,15 @@ def test_a_system_that_was_ready_before_it_was_killed_is_not_starting(tmp_path: 
     assert not is_starting(folder)
     with held(folder):
         assert is_starting(folder)
+
+
+def test_a_key_with_other_characters_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SKYWAY_GATEWAY_URL", "http://127.0.0.1:9")
+    monkeypatch.setenv("SKYWAY_CUSTOMER_KEY", "clé")
+
+    with pytest.raises(typer.Exit):
+        call_gateway("GET", "/v1/clock", folder=DataFolder(tmp_path))
+
+    assert "SKYWAY_CUSTOMER_KEY holds characters that no key has" in capsys.readouterr().err
