@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final
 from pydantic import Field
 
 from skyway.bounds import Moment
+from skyway.contracts.message import utc_text
 from skyway.errors import InvalidInput
 from skyway.ids import ClosureId, DroneModelId, NetworkId, ProviderId, StationId
 from skyway.json_model import JsonModel, QueryModel
@@ -59,8 +60,9 @@ class ClosureOrder(JsonModel):
             return from_ms, None
         until_ms = moment_to_ms(self.until)
         if until_ms <= max(from_ms, now_ms):
-            after = ms_to_moment(max(from_ms, now_ms)).isoformat()
-            raise InvalidInput("until", f"{self.until.isoformat()} is not after {after}")
+            after = "the fleet time" if now_ms >= from_ms else "from_at"
+            detail = f"{after}, {utc_text(ms_to_moment(max(from_ms, now_ms)))}"
+            raise InvalidInput("until", f"{utc_text(self.until)} is not after {detail}")
         return from_ms, until_ms
 
 
