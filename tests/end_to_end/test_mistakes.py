@@ -28,7 +28,7 @@ FOREIGN: Final = (
 HERE, THERE = "oops-s1", "oops-s3"
 
 COMMANDS: Final[tuple[tuple[tuple[str, ...], str], ...]] = (
-    (("request", "oops-ss1", "-p", f"{THERE}=0.5"), "did you mean 'oops-s1'"),
+    (("request", "oops-ss1", "-p", f"{THERE}=0.5"), "no station is called 'oops-ss1'"),
     (("request", HERE, "-p", "oops-3=0.5"), "did you mean 'oops-s3'"),
     (("request", HERE, "-p", f"{THERE}=0,5"), "'0,5' is not a mass in kg"),
     (("request", HERE, "-p", f"{THERE}=-1"), "packages.0.mass_kg: must be at least"),
