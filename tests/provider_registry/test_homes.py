@@ -7,21 +7,13 @@ import pytest
 from skyway.contracts.station_check import NetworkFacts
 from skyway.ids import ConnectorId, NetworkId, StationId
 from tests.provider_registry.conftest import KnownStations
+from tests.provider_registry.fleets.test_drone_model_routes import MODEL
 
 DRONE = {"model_id": "plugged", "home_station_id": "san-marcos"}
 TEXAS = NetworkId("texas")
 OTHERS_PADS = NetworkFacts(currency="USD", connectors=(ConnectorId("ccs"),))
 EUROS = NetworkFacts(currency="EUR", connectors=None)
-PLUGGED = {
-    "empty_mass_kg": 5.0,
-    "max_payload_kg": 3.0,
-    "battery_j": 1e6,
-    "speed_empty_mps": 20.0,
-    "speed_full_mps": 15.0,
-    "power_empty_w": 500.0,
-    "charge_curve": [[0, 0], [3600, 1]],
-    "connector": "type-2",
-}
+PLUGGED = {**MODEL, "model_id": "plugged", "connector": "type-2"}
 
 
 def set_texas(stations: KnownStations, fault: str) -> None:
