@@ -6,7 +6,7 @@ import sys
 
 from skyway.contracts.broker_rules import BrokerRules
 from skyway.runtime.errors import exit_code_after
-from skyway.runtime.garbage import keep_what_is_loaded
+from skyway.runtime.loading import keep_what_is_loaded
 from skyway.runtime.loops import stop_signals
 from skyway.runtime.tracing import configure_logs
 from skyway_broker.gate import Gate

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from skyway.runtime.garbage import load_without_collecting
+from skyway.runtime.loading import begin_loading
 
 if TYPE_CHECKING:
     from skyway.runtime.archive.archived_table import ArchivedTable
@@ -32,7 +32,7 @@ def _run() -> int:
 
 def main() -> int:
     """Run the command; the exit code."""
-    load_without_collecting()
+    begin_loading()
     return _run()
 
 

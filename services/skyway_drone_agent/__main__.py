@@ -11,7 +11,7 @@ from logging.handlers import RotatingFileHandler
 from typing import Final, Never
 
 from skyway.runtime.errors import exit_code_after
-from skyway.runtime.garbage import keep_what_is_loaded
+from skyway.runtime.loading import keep_what_is_loaded
 from skyway.runtime.loops import stop_signals
 from skyway.runtime.tracing import configure_logs
 from skyway_drone_agent.enrolment.enrol import Crew, EnrolledCrew, RegisteredCrew, enrol, enrolled

@@ -12,7 +12,7 @@ from typing import Never
 
 from skyway.ids import DroneId
 from skyway.runtime.errors import InvalidSettings
-from skyway.runtime.garbage import keep_what_is_loaded
+from skyway.runtime.loading import keep_what_is_loaded
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient, Will
 from skyway.runtime.signing.key_pair import PrivateKey

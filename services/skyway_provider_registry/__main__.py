@@ -2,14 +2,14 @@
 
 import sys
 
-from skyway.runtime.garbage import load_without_collecting
+from skyway.runtime.loading import begin_loading
 
 _PACKAGE = "skyway_provider_registry"
 
 
 def main() -> int:
     """Run the command; the exit code."""
-    load_without_collecting()
+    begin_loading()
     from skyway.runtime.service_process import ServiceProcess
     from skyway_provider_registry.settings import RegistrySettings
 

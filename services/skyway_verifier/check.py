@@ -18,8 +18,8 @@ from sqlalchemy.exc import DBAPIError
 
 from skyway.errors import SkywayError
 from skyway.runtime.errors import DamagedDatabase, ServiceUnavailable
-from skyway.runtime.sql.engines import Dialect
 from skyway.runtime.sql.read_only import Surveyed
+from skyway.runtime.sql.server_url import Dialect
 from skyway.units import moment_to_ms
 from skyway_verifier.cross_rule import AnyCrossRule, broken_across, still_broken
 from skyway_verifier.facts import Facts

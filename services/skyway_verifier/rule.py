@@ -10,7 +10,7 @@ from sqlalchemy.engine import Dialect as SqlDialect
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.runtime.sql.connection import AnyRow, each_row
-from skyway.runtime.sql.engines import Dialect
+from skyway.runtime.sql.server_url import Dialect
 
 T = TypeVar("T")
 

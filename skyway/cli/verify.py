@@ -86,11 +86,11 @@ def _chosen(folder: DataFolder, databases: Sequence[str], cells: Sequence[str]) 
 
 def _findings(folder: DataFolder, urls: Mapping[str, str]) -> "Findings":
     from skyway.runtime.clock import load_clock
-    from skyway.runtime.garbage import keep_what_is_loaded, load_without_collecting
+    from skyway.runtime.loading import begin_loading, keep_what_is_loaded
 
     for url in urls.values():
         _must_exist(url)
-    load_without_collecting()
+    begin_loading()
     from skyway_verifier.verify import verify
 
     keep_what_is_loaded()

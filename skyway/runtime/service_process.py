@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Generic, TypeVar
 
 from skyway.runtime.errors import exit_code_after
-from skyway.runtime.garbage import keep_what_is_loaded
+from skyway.runtime.loading import keep_what_is_loaded
 from skyway.runtime.settings import ArchiveSettings, DatabaseSettings, ServiceSettings
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from skyway_verifier.facts import Facts
 from skyway_verifier.rule import Rule, Survey
 
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.sql.engines import Dialect
+from skyway.runtime.sql.server_url import Dialect
 
 NOW: Final = datetime(2026, 3, 1, 12, tzinfo=UTC)
 

@@ -22,7 +22,7 @@ from skyway.runtime.http.metrics_routes import figures_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.metrics import Gauges
 from skyway.runtime.sql.database import Database
-from skyway.runtime.sql.engines import Dialect
+from skyway.runtime.sql.server_url import Dialect
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.console.small_world import SmallWorld
 

@@ -21,10 +21,10 @@ from starlette.applications import Starlette
 from starlette.types import Message, Receive, Scope, Send
 
 from skyway.runtime.errors import FOR_GOOD, ExitCode, ServiceUnavailable, exit_code_of
-from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits
 from skyway.runtime.http.front_protocol import FrontProtocol
 from skyway.runtime.http.problems import problem_of, problem_response
+from skyway.runtime.loading import keep_what_is_loaded
 from skyway.runtime.loops import MissingParts, missing_part, pause_s, stop_signals
 from skyway.runtime.settings import ServiceSettings
 

@@ -21,8 +21,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake
 from skyway.runtime.sql.connection import AnyRow, Values
-from skyway.runtime.sql.engines import Dialect
-from skyway.runtime.sql.server_url import read_url
+from skyway.runtime.sql.server_url import Dialect, read_url
 from skyway.runtime.sql.storage import PostgresqlStorage, SqliteStorage, Storage
 from skyway.runtime.sql.transaction import Tx
 from skyway.runtime.sql.trouble import count_trouble

@@ -9,9 +9,9 @@ from sqlalchemy.engine import Connection
 from sqlalchemy.ext.asyncio import AsyncEngine
 
 from skyway.runtime.errors import UnknownRevision
-from skyway.runtime.sql.engines import postgresql_engine, sqlite_engine
 from skyway.runtime.sql.revisions import read_standing, revisions_of
 from skyway.runtime.sql.server_url import read_url
+from skyway.runtime.sql.sqlite_engines import sqlite_engine
 from skyway.runtime.sql.trouble import named_trouble, trouble_of_writing
 
 log = logging.getLogger(__name__)
@@ -47,6 +47,8 @@ async def migrate(db_url: str, package: str) -> None:
     url = read_url(db_url)
     with named_trouble(trouble_of_writing):
         if url.drivername == "postgresql":
+            from skyway.runtime.sql.postgresql_engines import postgresql_engine
+
             # Nearly every start ends here; a server that hangs is noticed within a minute.
             if await _run(postgresql_engine(url), _needs_upgrade, package):
                 await _run(postgresql_engine(url, statement_s=_MIGRATION_S), _upgrade, package)

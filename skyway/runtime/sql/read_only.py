@@ -5,8 +5,8 @@ from typing import Protocol, Self
 
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.runtime.sql.engines import Dialect, sqlite_file_reader_engine
-from skyway.runtime.sql.server_url import read_url
+from skyway.runtime.sql.server_url import Dialect, read_url
+from skyway.runtime.sql.sqlite_engines import sqlite_file_reader_engine
 from skyway.runtime.sql.storage import PostgresqlStorage, connected
 
 

@@ -6,7 +6,7 @@ connects to the one that is primary. Two parameters are for Skyway and not for t
 """
 
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final, Literal, Self
 from urllib.parse import urlsplit
 
 from sqlalchemy import make_url
@@ -14,6 +14,8 @@ from sqlalchemy.engine import URL
 from sqlalchemy.exc import ArgumentError
 
 from skyway.errors import InvalidInput
+
+Dialect = Literal["sqlite", "postgresql"]
 
 #: Connections that one process keeps to write, and as many to read, without ``connections``.
 _CONNECTIONS: Final = 8

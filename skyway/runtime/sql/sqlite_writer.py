@@ -20,7 +20,7 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.sql.engines import sqlite_engine
+from skyway.runtime.sql.sqlite_engines import sqlite_engine
 from skyway.runtime.sql.trouble import named_trouble, spoils_connection, trouble_of_writing
 
 log = logging.getLogger(__name__)

@@ -12,13 +12,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.connection import BlockConnection, Values
-from skyway.runtime.sql.engines import (
-    postgresql_engine,
-    postgresql_reader_engine,
-    sqlite_reader_engine,
-    sqlite_survey_engine,
-)
 from skyway.runtime.sql.server_url import PostgresqlServer
+from skyway.runtime.sql.sqlite_engines import sqlite_reader_engine, sqlite_survey_engine
 from skyway.runtime.sql.sqlite_writer import SqliteWriter
 from skyway.runtime.sql.trouble import (
     NameTrouble,
@@ -93,6 +88,11 @@ class PostgresqlStorage:
     """A server. Readers and writers have connection pools of their own."""
 
     def __init__(self, url: URL) -> None:
+        from skyway.runtime.sql.postgresql_engines import (
+            postgresql_engine,
+            postgresql_reader_engine,
+        )
+
         self._readers = postgresql_reader_engine(url)
         self._writers = postgresql_engine(url)
         has_pooler = PostgresqlServer.of(url).has_pooler

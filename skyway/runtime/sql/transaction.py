@@ -24,7 +24,7 @@ from skyway.runtime.sql.bulk_write import (
     run_one_by_one,
 )
 from skyway.runtime.sql.connection import BlockConnection
-from skyway.runtime.sql.engines import Dialect
+from skyway.runtime.sql.server_url import Dialect
 from skyway.runtime.sql.single_statement import run_as_one
 from skyway.runtime.sql.trouble import violated_constraint
 from skyway.runtime.tracing import current_traceparent

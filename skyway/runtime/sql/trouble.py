@@ -18,7 +18,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.runtime.errors import DamagedDatabase, ServiceUnavailable
 from skyway.runtime.metrics import count
-from skyway.runtime.sql.engines import Dialect
+from skyway.runtime.sql.server_url import Dialect
 
 #: Classes of SQLSTATE, each with what it means, and single states of other classes.
 #: https://www.postgresql.org/docs/current/errcodes-appendix.html

@@ -12,7 +12,7 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 
 def test_aiosqlite_runs_every_statement_through_execute() -> None:
-    """`runtime/sql/engines.py` overrides `_execute` and reads the other members."""
+    """`runtime/sql/sqlite_engines.py` overrides `_execute` and reads the other members."""
     source = inspect.getsource(aiosqlite.Connection)
 
     assert inspect.iscoroutinefunction(aiosqlite.Connection._execute)

@@ -3,7 +3,7 @@
 import asyncio
 from pathlib import Path
 
-from skyway.runtime.sql.engines import connect
+from skyway.runtime.sql.sqlite_engines import connect
 
 
 async def test_a_statement_does_not_let_others_run_before_it_is_over(tmp_path: Path) -> None:
