@@ -60,10 +60,10 @@ class Account:
                 result: T = end.value
                 return result
             finally:
+                thrown = None  # its traceback refers to this frame: only a collection would end it
                 self._add((self._now() - began_s) / UNIT_S)
             try:
                 yield waits_for
-                thrown = None
             except BaseException as error:  # noqa: BLE001 - the coroutine decides about it
                 thrown = error
 

@@ -1,6 +1,8 @@
 """What a request costs: the time that it keeps the event loop busy, and its bytes."""
 
 import asyncio
+import gc
+import weakref
 from typing import Any
 
 import pytest
@@ -118,6 +120,30 @@ async def test_a_request_without_an_account_is_not_measured(loop: Loop) -> None:
     scope: dict[str, Any] = {"state": {}}
     assert await charged(scope, work()) == "done"
     assert loop.spent == 0.0
+
+
+async def test_a_work_that_ended_by_an_error_leaves_nothing_for_the_garbage_collector(
+    loop: Loop,
+) -> None:
+    class Held:
+        pass
+
+    async def work(_held: Held) -> None:
+        await asyncio.Event().wait()
+
+    held = Held()
+    is_alive = weakref.ref(held)
+    task = asyncio.create_task(loop.account().measured(work(held)))
+    await asyncio.sleep(0)
+    gc.disable()
+    try:
+        task.cancel()
+        await asyncio.wait([task])
+        del held, task
+
+        assert is_alive() is None
+    finally:
+        gc.enable()
 
 
 class Requests:
