@@ -9,7 +9,7 @@ import sys
 from typing import Final
 
 #: Python's own are (700, 10, 10): such frequent scans cost more than the little garbage is worth.
-_THRESHOLDS: Final = (20_000, 20, 20)
+_THRESHOLDS: Final = (5_000, 80, 20)
 
 
 def begin_loading() -> None:

@@ -34,8 +34,21 @@ async def cancel_on_disconnect(
         The client disconnected first.
     """
     watched = _WatchedRequest(request)
-    working = asyncio.create_task(charged(request.scope, answer(watched.request)))
-    leaving = asyncio.create_task(watched.disconnected())
+    return await before(watched.disconnected(), charged(request.scope, answer(watched.request)))
+
+
+async def before(
+    disconnected: Coroutine[Any, Any, None],
+    work: Coroutine[Any, Any, T],  # Any: what it yields is asyncio's
+) -> T:
+    """The result of the work; it is cancelled if the client has disconnected before.
+
+    Raises
+    ------
+    ClientDisconnect
+        The client disconnected first.
+    """
+    working, leaving = asyncio.create_task(work), asyncio.create_task(disconnected)
     try:
         await asyncio.wait({working, leaving}, return_when=asyncio.FIRST_COMPLETED)
         if not working.done():

@@ -2,7 +2,7 @@
 
 A request with a valid key spends the budget of its tenant: the customer, provider, operator or
 drone. Any other request spends the budget of its address. Both pay for the work too. When the
-event loop is busy, who has spent least goes first. An address that shows wrong keys waits
+event loop is busy, who asks little goes first. An address that shows wrong keys waits
 longer and longer until the next of its keys is looked up. A key in use is looked up even then, and
 even if the address has spent its budget. So a caller with wrong keys cannot shut out a customer of
 the same address.
@@ -23,7 +23,7 @@ from skyway.runtime.http.delays import Brake, WrongKeys
 from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey, ServiceGate
 from skyway.runtime.http.loop_time import Account, LoopTurns
 from skyway.runtime.http.session_cookie import SESSION_PREFIX, session_in
-from skyway.runtime.limits import Meter, Reading, Slots, network_of
+from skyway.runtime.limits import Meter, Reading, network_of
 
 #: What a request without a key costs its address, and what it costs if it is refused.
 KEYLESS_COST: Final = 1.0
@@ -38,9 +38,6 @@ _PUBLIC, _INTERNAL = "/v1/", "/internal/"
 
 #: The budget of an address that has to wait, in problem documents.
 _WRONG_KEYS: Final = "WRONG_KEYS"
-
-#: Requests of one caller that may wait for the event loop.
-_MOST_WAITING: Final = 200
 
 _NO_KEY: Final = "an API key is needed: Authorization: Bearer sk_..."
 _UNKNOWN_KEY: Final = "this API key is not known, has expired, or was withdrawn"
@@ -130,7 +127,6 @@ class KeyEntrance:
     #: The clock by which the work of a request is measured, seconds.
     now: Callable[[], float] = time.perf_counter
     _turns: LoopTurns = field(init=False)
-    _waiting: Slots = field(default_factory=partial(Slots, "WAITING_REQUESTS", _MOST_WAITING))
     #: Hashes of keys that were valid when they were last shown; the latest is last.
     _recognised: dict[bytes, None] = field(default_factory=dict)
 
@@ -191,9 +187,8 @@ class KeyEntrance:
 
     async def _wait_for_turn(self, request: Request, who: str, meter: Meter) -> None:
         """Wait until the request may begin."""
-        request.state.account = Account(meter, who, self.now)
-        with self._waiting.held(who):
-            await self._turns.turn(who)
+        request.state.account = Account(meter, who, self.now, self._turns.note)
+        await self._turns.turn(who)
 
     async def _admit_service(self, request: Request) -> None:
         try:

@@ -300,7 +300,7 @@ async def test_of_requests_that_wait_the_tenant_that_has_spent_least_begins_firs
 
 async def test_a_caller_with_too_many_waiting_requests_is_refused(gateway: Gateway) -> None:
     limit(gateway)
-    gateway.parts.entrance._waiting.most = 0
+    gateway.parts.entrance._turns.slots.most = 0
 
     answer = await get(gateway, gateway.customer)
 

@@ -68,8 +68,8 @@ from skyway_gateway.delivery_tables import custody, deliveries, missions, packag
 
 # Statements that every delivery runs are built once: building one takes as long as running it.
 
-#: Deliveries of a list that are read in one step of the event loop, in about 2 ms.
-_READ_TOGETHER: Final = 10
+#: Deliveries of a list that are read in one step of the event loop, in about 1 ms.
+_READ_TOGETHER: Final = 5
 
 _ONE: Final = select(deliveries).where(deliveries.c.delivery_id == bindparam("this"))
 _LOCKED: Final = _ONE.with_for_update()

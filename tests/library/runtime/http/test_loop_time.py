@@ -1,13 +1,19 @@
 """What a request costs: the time that it keeps the event loop busy, and its bytes."""
 
 import asyncio
+import gc
+import weakref
+from collections.abc import AsyncIterator
 from typing import Any
 
 import pytest
 
 from skyway.runtime.http.loop_time import (
+    BEHIND_S,
+    CREDIT_S,
     LONGEST_PAUSE_S,
-    SHORT_PASS_S,
+    SHARE,
+    SHORT_PAUSE_S,
     UNIT_BYTES,
     UNIT_S,
     Account,
@@ -120,77 +126,166 @@ async def test_a_request_without_an_account_is_not_measured(loop: Loop) -> None:
     assert loop.spent == 0.0
 
 
+async def test_a_work_that_ended_by_an_error_leaves_nothing_for_the_garbage_collector(
+    loop: Loop,
+) -> None:
+    class Held:
+        pass
+
+    async def work(_held: Held) -> None:
+        await asyncio.Event().wait()
+
+    held = Held()
+    is_alive = weakref.ref(held)
+    task = asyncio.create_task(loop.account().measured(work(held)))
+    await asyncio.sleep(0)
+    gc.disable()
+    try:
+        task.cancel()
+        await asyncio.wait([task])
+        del held, task
+
+        assert is_alive() is None
+    finally:
+        gc.enable()
+
+
 class Requests:
     """Requests that wait for their turn, and in which order they begin."""
 
-    def __init__(self, pass_s: float = 0.0, **spent: float) -> None:
-        self.now_s, self.pass_s = 1_000.0, pass_s
-        self.turns = LoopTurns(lambda who: spent[who], self.now)
+    def __init__(self, **spent: float) -> None:
+        self.now_s = 1_000.0
+        self.turns = LoopTurns(lambda who: spent.get(who, 0.0), lambda: self.now_s)
         self.begun: list[str] = []
         self.tasks: list[asyncio.Task[None]] = []
 
-    def now(self) -> float:
-        """A clock on which each look at it comes one pass of the event loop later."""
-        self.now_s += self.pass_s
-        return self.now_s
-
-    def ask(self, *names: str) -> None:
+    async def ask(self, *names: str) -> None:
+        """Ask, before any of these requests begins."""
         self.tasks += [asyncio.create_task(self._begin(name)) for name in names]
+        await asyncio.sleep(0)
 
     async def _begin(self, name: str) -> None:
         await self.turns.turn(name)
         self.begun.append(name)
 
-    async def end(self) -> None:
-        """Wait until all requests have begun or left, for as many passes as that may take."""
-        for _ in range(1_000):
+    async def after(self, pause_s: float) -> list[str]:
+        """Who has begun this many seconds of the clock later."""
+        self.now_s += pause_s
+        for _ in range(100):
+            self.turns.look()
             await asyncio.sleep(0)
-        waiting = [task for task in self.tasks if not task.done()]
-        for task in waiting:
+        return self.begun
+
+    async def end(self) -> None:
+        """Let all requests that still wait leave."""
+        for task in self.tasks:
             task.cancel()
         await asyncio.gather(*self.tasks, return_exceptions=True)
-        assert not waiting
 
 
-async def test_the_caller_that_has_spent_least_begins_first() -> None:
-    requests = Requests(mallory=9.0, alice=2.0, bob=3.0)
-
-    requests.ask("mallory", "mallory", "bob", "alice", "alice")
-    await requests.end()
-
-    assert requests.begun == ["alice", "alice", "bob", "mallory", "mallory"]
+@pytest.fixture
+async def requests() -> AsyncIterator[Requests]:
+    made = Requests(mallory=9.0, alice=2.0, bob=3.0)
+    yield made
+    await made.end()
 
 
-async def test_requests_begin_seldom_while_the_loop_is_busy() -> None:
-    requests = Requests(pass_s=2 * SHORT_PASS_S, alice=0.0)
-    began_s = requests.now_s
+async def test_the_caller_that_has_spent_least_begins_first(requests: Requests) -> None:
+    requests.turns.note(1.0)
+    await requests.ask("mallory", "bob", "alice")
 
-    requests.ask(*["alice"] * 5)
-    await requests.end()
-
-    assert requests.now_s - began_s >= 4 * LONGEST_PAUSE_S
-
-
-async def test_a_caller_that_leaves_gives_up_its_turn() -> None:
-    requests = Requests(alice=0.0, bob=1.0)
-    requests.ask("alice", "bob")
-    await asyncio.sleep(0)
-
-    requests.tasks[0].cancel()
-    await requests.end()
-
-    assert (requests.begun, requests.turns.waiting) == (["bob"], 0)
+    assert await requests.after(0.0) == ["alice"]
+    assert await requests.after(SHORT_PAUSE_S) == ["alice", "bob"]
+    assert await requests.after(SHORT_PAUSE_S) == ["alice", "bob", "mallory"]
 
 
-async def test_callers_that_have_left_hold_up_nobody() -> None:
-    requests = Requests(pass_s=2 * SHORT_PASS_S, mallory=0.0, bob=1.0)
-    requests.ask(*["mallory"] * 20, "bob")
-    await asyncio.sleep(0)
-    began_s = requests.now_s
+async def test_who_asks_one_thing_passes_who_asks_many_things_together(
+    requests: Requests,
+) -> None:
+    requests.turns.note(1.0)
+    await requests.ask("dave", "dave", "dave")
+    await requests.after(0.0)
+
+    await requests.ask("mallory")
+
+    assert (await requests.after(SHORT_PAUSE_S))[:2] == ["dave", "mallory"]
+
+
+async def test_a_request_that_has_waited_for_long_begins_before_new_ones(
+    requests: Requests,
+) -> None:
+    requests.turns.note(1.0)
+    await requests.ask("dave", "dave")
+    assert await requests.after(0.0) == ["dave"]
+
+    requests.now_s += BEHIND_S + 1.0
+    await requests.ask("carol")
+
+    assert await requests.after(LONGEST_PAUSE_S) == ["dave", "dave", "carol"]
+
+
+async def test_requests_together_take_a_share_of_the_event_loop(requests: Requests) -> None:
+    await requests.ask("dave", "dave")
+    requests.turns.note(2 * CREDIT_S * SHARE)
+
+    pauses_s = (0.0, 0.9 * CREDIT_S, 0.2 * CREDIT_S)
+    begun = [len(await requests.after(pause_s)) for pause_s in pauses_s]
+
+    assert begun == [1, 1, 2]
+
+
+async def test_little_work_delays_no_request(requests: Requests) -> None:
+    await requests.ask("dave", "dave", "dave")
+
+    requests.turns.note(0.9 * CREDIT_S * SHARE)
+
+    assert await requests.after(0.0) == ["dave", "dave", "dave"]
+
+
+async def test_requests_begin_seldom_while_the_loop_is_busy(requests: Requests) -> None:
+    await requests.ask("dave", "dave")
+    requests.turns.note(1.0)
+    await requests.after(0.0)
+
+    requests.now_s += 0.9 * LONGEST_PAUSE_S
+    requests.turns.note(1.0)
+    assert await requests.after(0.0) == ["dave"]
+
+    assert await requests.after(0.2 * LONGEST_PAUSE_S) == ["dave", "dave"]
+
+
+async def test_the_loop_is_free_again_soon_after_much_work(requests: Requests) -> None:
+    requests.turns.note(100.0)
+    await requests.ask("dave", "dave")
+
+    assert await requests.after(1.1 * LONGEST_PAUSE_S) == ["dave", "dave"]
+
+
+async def test_callers_with_one_request_do_not_begin_all_at_the_same_time(
+    requests: Requests,
+) -> None:
+    requests.turns.note(1.0)
+    await requests.ask("alice", "bob")
+
+    assert await requests.after(0.0) == ["alice"]
+    assert await requests.after(SHORT_PAUSE_S) == ["alice", "bob"]
+
+
+async def test_a_request_begins_without_a_look_from_outside(requests: Requests) -> None:
+    await requests.ask("alice")
+
+    await asyncio.wait_for(requests.tasks[0], 10.0)
+
+    assert requests.begun == ["alice"]
+
+
+async def test_callers_that_have_left_hold_up_nobody(requests: Requests) -> None:
+    requests.turns.note(1.0)
+    await requests.ask(*(f"mallory {number}" for number in range(20)), "bob")
 
     for task in requests.tasks[:20]:
         task.cancel()
-    await requests.end()
+    await asyncio.sleep(0)
 
-    assert requests.begun == ["bob"]
-    assert requests.now_s - began_s < 2 * LONGEST_PAUSE_S
+    assert await requests.after(0.0) == ["bob"]
+    assert requests.turns.waiting == 0
