@@ -44,7 +44,6 @@ from skyway.ids import DroneModelId, NetworkId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.http.metrics_routes import MetricsGate
-from skyway.runtime.loops import Wake
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.sql.database import Database
@@ -307,9 +306,6 @@ async def unpublished(
             inquiries=inquiries,
             problems=problems,
             rights=StrategyRights.read("exact, heuristic"),
-            published=Wake(),
-            stuck=Wake(),
-            calendars=Wake(),
             listening=listening,
             quarantine=quarantine,
             keys=keys,
@@ -333,11 +329,11 @@ async def unpublished(
                 quarantine=parts.quarantine,
                 listening=listening,
             )
-            overdue = OverdueMissions(db, clock, mint, listening)
-            late = LateMissions(db, parts.networks, clock, mint, parts.stuck)
+            overdue = OverdueMissions(parts, listening)
+            late = LateMissions(parts)
             occupied = OccupiedPads(parts.closings)
-            replanner = Replanner(db, parts.networks, solver, clock, mint, "test", occupied)
-            calendars = Calendars(db, parts.networks, solver, clock, mint, tolerance_s=60.0)
+            replanner = Replanner(parts, "test", occupied)
+            calendars = Calendars(parts, tolerance_s=60.0)
             whole = Composition(
                 client,
                 parts,

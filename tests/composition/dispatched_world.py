@@ -88,15 +88,12 @@ def dispatcher_of(
 ) -> Dispatcher:
     """A dispatcher on the world's database."""
     finder = OrderFinder(
-        world.db,
-        PreparedNetworks(world.db, world.clock),
-        world.solver,
+        world.context,
         OwnSearch() if search is None else search,
         RegistryInService(withdrawn, due),  # type: ignore[arg-type]
-        world.clock,
         DispatchTerms(every_s=10.0, budget_s=0.05, tolerance_s=tolerance_s),
     )
-    return Dispatcher(world.db, finder, world.clock, world.mint, Wake())
+    return Dispatcher(world.context, finder)
 
 
 #: An order that never stops changing would change more often than this.

@@ -34,9 +34,7 @@ def codes_of_page(heading: str) -> set[str]:
 async def change(composition: Any, step: Callable[[MissionUnitOfWork, MissionRecord], Any]) -> None:
     """Do something with the drone's live mission in a transaction of its own."""
     async with composition.db.write() as tx:
-        work = await MissionUnitOfWork.lock(
-            [DRONE], tx=tx, clock=composition.clock, mint=composition.parts.mint
-        )
+        work = await MissionUnitOfWork.lock(composition.parts, tx, [DRONE])
         await step(work, work.missions[DRONE])
 
 

@@ -98,9 +98,7 @@ async def plan_a_queue_again(world: BusyWorld) -> None:
 
 async def plan_a_mission_again(world: BusyWorld) -> None:
     async with world.db.write() as tx:
-        work = await MissionUnitOfWork.lock(
-            [DroneId("drn_2")], tx=tx, clock=world.clock, mint=world.mint
-        )
+        work = await MissionUnitOfWork.lock(world.context, tx, [DroneId("drn_2")])
         late = Trouble(code="LATE", detail="for this test")
         await request_plan(work, work.missions[DroneId("drn_2")], late)
     await world.replanner.replan(DroneId("drn_2"))

@@ -6,7 +6,6 @@ from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.mission import Booking, Mission
 from skyway.ids import DeliveryId, DroneId, HoldId, MissionId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.tracing import current_traceparent
 from skyway.scheduling.trip import BookedPad, without
@@ -14,6 +13,7 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.calendar.commit import WorldChanged, lock_as_seen
 from skyway_composition.calendar.snapshot import Snapshot
 from skyway_composition.calendar.store import raise_versions
+from skyway_composition.context import Context
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import claim_next_place
@@ -48,6 +48,7 @@ from skyway_composition.planning.world import World
 
 
 async def engage(
+    context: Context,
     tx: Tx,
     offer: Offer,
     world: World,
@@ -55,8 +56,6 @@ async def engage(
     places: Mapping[DroneId, InstructionPlace],
     delivery_id: DeliveryId,
     attempt: int,
-    clock: FleetClock,
-    mint: Mint,
 ) -> tuple[Mission, ...]:
     """Add the missions of a claimed offer, and send them as instructions at these places.
 
@@ -64,7 +63,8 @@ async def engage(
     are added when the transaction ends. It then fails with `RowRefused` if another mission has one
     of the drones or pads.
     """
-    skyway, courier = world.skyway, Courier(clock, mint)
+    skyway, clock, mint = world.skyway, context.clock, context.mint
+    courier = Courier(clock, mint)
     expires_at = courier.expiry()
     records = [
         new_mission(
@@ -163,12 +163,12 @@ async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
 
 
 async def claim(
+    context: Context,
     tx: Tx,
     offer: Offer,
     world: World,
     *,
     calendars: Mapping[DroneId, int],
-    clock: FleetClock,
     own_hold: HoldId | None = None,
     moves: Sequence[MovedStandby] = (),
 ) -> dict[DroneId, InstructionPlace]:
@@ -186,7 +186,7 @@ async def claim(
         A network was published, or a closure made or lifted, since the world was read (I11), or
         the calendar of a drone has not the number of `calendars` or of its move.
     """
-    now_ms = moment_to_ms(clock.now())
+    now_ms, clock = context.now_ms, context.clock
     parts = sorted(offer.parts, key=lambda each: each.candidate.drone_id)
     providers = {each.candidate.drone_id: each.candidate.provider_id for each in parts}
     moving = {each.drone_id: each.calendar_version for each in moves}

@@ -11,13 +11,12 @@ from typing import Final
 
 from skyway.contracts.quote import HOLD_GRACE_S, HoldTerms, QuoteAnswer, QuoteQuery
 from skyway.ids import DroneId, HoldId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, RowRefused
-from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.database import Tx
 from skyway.scheduling.trip import BookedPad, without
-from skyway.units import moment_to_ms
 from skyway_composition.calendar.commit import WorldChanged, lock_as_seen
 from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.context import Context
 from skyway_composition.margins import Margin
 from skyway_composition.missions.booking.hold_store import (
     HeldOffer,
@@ -49,10 +48,9 @@ _MOST_ROUNDS: Final = 3
 class HeldQuotes:
     """Answers requests for quotes, with and without a hold."""
 
-    db: Database
+    context: Context
     quotes: Quotes
     rounds: Rounds
-    clock: FleetClock
 
     async def answer(self, query: QuoteQuery) -> QuoteAnswer:
         """The best offer of each provider, best first, and why the others make no offer.
@@ -65,8 +63,8 @@ class HeldQuotes:
         if query.hold is None:
             return await self.quotes.answer(query)
         for _ in range(_MOST_ROUNDS):
-            await delete_expired(self.db, now_ms=self._now_ms())
-            async with self.db.read() as connection:
+            await delete_expired(self.context.db, now_ms=self.context.now_ms)
+            async with self.context.db.read() as connection:
                 self._free_slot(await slots_of(connection, query.hold.customer_id), query.hold)
             answer = await self._hold_in_round(query, query.hold)
             if answer is not None:
@@ -77,24 +75,24 @@ class HeldQuotes:
         """The answer with held offers; None when another booking was faster."""
         pickup = query.request.pickup.station_id
         world = await World.around(
-            pickup, self.rounds.networks, db=self.db, after_ms=self._now_ms()
+            pickup, self.context.networks, db=self.context.db, after_ms=self.context.now_ms
         )
         if world is None:
             return await self.quotes.pickup_unknown(query)
         life = timedelta(seconds=terms.life_s)
-        held_until_at = self.clock.wall_now() + life
+        held_until_at = self.context.clock.wall_now() + life
         begins_ms = max(
-            start_ms(self.clock, earliest_at=query.request.begins_after),
-            start_ms(self.clock, earliest_at=None) + self._fleet_ms(terms.life_s),
+            start_ms(self.context.clock, earliest_at=query.request.begins_after),
+            start_ms(self.context.clock, earliest_at=None) + self._fleet_ms(terms.life_s),
         )
         calendars = await self.rounds.calendars(query.shortlist.drone_ids)
         offers = await self.quotes.plan(query, world, calendars.missions, begins_ms=begins_ms)
         if not offers.ranked:
             return answer_of(query, world, offers)
-        until_ms = self._now_ms() + self._fleet_ms(terms.life_s + HOLD_GRACE_S)
+        until_ms = self.context.now_ms + self._fleet_ms(terms.life_s + HOLD_GRACE_S)
         held = tuple(HeldOffer.of(each, world.present) for each in offers.ranked[:MOST_HELD_OFFERS])
         try:
-            async with self.db.write() as tx:
+            async with self.context.db.write() as tx:
                 pads = await claim_for_hold(tx, held, world.present, calendars.versions)
                 slots = await slots_of(tx.connection, terms.customer_id)
                 slot = self._free_slot(slots, terms)
@@ -113,20 +111,17 @@ class HeldQuotes:
         if not slots:
             raise Conflict("TOO_MANY_HOLDS", f"the limit is {terms.most} quotes")
         first_ms = min(slots.values()) - self._fleet_ms(HOLD_GRACE_S)
-        wait_s = (first_ms - self._now_ms()) / 1000 / self.clock.rate
-        expires_at = self.clock.wall_now() + timedelta(seconds=max(0.0, wait_s))
+        wait_s = (first_ms - self.context.now_ms) / 1000 / self.context.clock.rate
+        expires_at = self.context.clock.wall_now() + timedelta(seconds=max(0.0, wait_s))
         raise Conflict(
             "TOO_MANY_HOLDS",
             f"{len(slots)} quotes are held and the limit is {terms.most}; the next hold expires at "
             f"{expires_at:%Y-%m-%dT%H:%M:%SZ}",
         )
 
-    def _now_ms(self) -> int:
-        return moment_to_ms(self.clock.now())
-
     def _fleet_ms(self, wall_s: float) -> int:
         """A span of wall time, in milliseconds of fleet time."""
-        return Margin(0.0, wall_s).ms(self.clock)
+        return Margin(0.0, wall_s).ms(self.context.clock)
 
 
 async def claim_for_hold(

@@ -11,9 +11,8 @@ from skyway.contracts.mission import Booking, OfferHold
 from skyway.contracts.quote import HoldLoss, KeepOffer, KeptOffer
 from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.ids import DeliveryId, DroneId, HoldId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.sql.database import Database, Tx
-from skyway.units import moment_to_ms
+from skyway.runtime.sql.database import Tx
+from skyway_composition.context import Context
 from skyway_composition.margins import ACCEPTED_IS_BOOKED
 from skyway_composition.missions.booking.hold_quote import claim_for_hold
 from skyway_composition.missions.booking.hold_store import (
@@ -40,9 +39,8 @@ from skyway_composition.planning.offer import Offers
 class OfferKeeper:
     """Keeps offers while they are accepted, and gives up holds that are not needed."""
 
-    db: Database
+    context: Context
     rounds: Rounds
-    clock: FleetClock
     turns: Turns
 
     async def keep(self, asked: KeepOffer) -> KeptOffer:
@@ -58,7 +56,7 @@ class OfferKeeper:
         if seen.around is None:
             return KeptOffer(hold=None)
         rank = PRIORITY_RANKS[asked.request.qos.priority]
-        order = AskingOrder(rank, self.clock.now(), DeliveryId(asked.hold_id))
+        order = AskingOrder(rank, self.context.clock.now(), DeliveryId(asked.hold_id))
         with self.turns.line_up(seen.around.network_id, order) as turn:
             done = await self.rounds.run(acceptance, seen, turn)
         if not isinstance(done, Booking):
@@ -68,7 +66,7 @@ class OfferKeeper:
 
     async def release(self, hold_id: HoldId) -> None:
         """Give up what a hold keeps; nothing happens if there is no such hold."""
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             if await lock_hold(tx, hold_id) is not None:
                 await free_drones(tx, hold_id)
                 await free_pads(tx, hold_id)
@@ -78,13 +76,8 @@ class OfferKeeper:
 
         No reader counts them any more, but the database still refuses other rows for their pads.
         """
-        await delete_expired(self.db, now_ms=self.now_ms)
+        await delete_expired(self.context.db, now_ms=self.context.now_ms)
         return False
-
-    @property
-    def now_ms(self) -> int:
-        """The fleet clock's present moment in milliseconds."""
-        return moment_to_ms(self.clock.now())
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,36 +99,36 @@ class _Acceptance:
 
     async def look(self) -> FirstLook:
         """The calendars of the shortlist."""
-        async with self.keeper.db.read() as connection:
+        async with self.keeper.context.db.read() as connection:
             return await first_look(
                 connection,
                 DeliveryId(self.asked.hold_id),
                 attempt=1,
                 drone_ids=self.asked.shortlist.drone_ids,
                 pickup=self.asked.request.pickup.station_id,
-                now_ms=self.keeper.now_ms,
+                now_ms=self.keeper.context.now_ms,
                 own_hold=self.own_hold,
             )
 
     async def extend(self, seen: FirstLook) -> HoldLoss | None:
         """Hold the offer until it is booked; or why it cannot be booked as it is held."""
         keeper, asked = self.keeper, self.asked
-        async with keeper.db.read() as connection:
+        async with keeper.context.db.read() as connection:
             hold = await find_hold(connection, self.own_hold)
-        held = held_offer(hold, self.accepted.number, now_ms=keeper.now_ms)
+        held = held_offer(hold, self.accepted.number, now_ms=keeper.context.now_ms)
         if held is None or seen.around is None or not held.keeps(asked.offer):
             return "EXPIRED"
         if not _are_candidates(held, asked.shortlist.drone_ids):
             return "DRONE_NOT_FREE"
         now = await keeper.rounds.calendars(held.drone_ids, own_hold=self.own_hold)
         loss = hold_loss(
-            held, request=asked.request, present=seen.around, now=now, now_ms=keeper.now_ms
+            held, request=asked.request, present=seen.around, now=now, now_ms=keeper.context.now_ms
         )
         if loss is not None:
             return loss
-        async with keeper.db.write() as tx:
+        async with keeper.context.db.write() as tx:
             locked = await lock_hold(tx, self.own_hold)
-            if locked is None or locked.until_ms <= keeper.now_ms:
+            if locked is None or locked.until_ms <= keeper.context.now_ms:
                 return "EXPIRED"
             if locked.until_ms < self._until_ms():
                 await extend_hold(tx, self.own_hold, until_ms=self._until_ms())
@@ -157,7 +150,7 @@ class _Acceptance:
         """An offer that is accepted joins no other mission."""
 
     def _until_ms(self) -> int:
-        return self.keeper.now_ms + ACCEPTED_IS_BOOKED.ms(self.keeper.clock)
+        return self.keeper.context.now_ms + ACCEPTED_IS_BOOKED.ms(self.keeper.context.clock)
 
 
 def _are_candidates(held: HeldOffer, drone_ids: tuple[DroneId, ...]) -> bool:

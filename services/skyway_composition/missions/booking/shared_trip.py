@@ -4,16 +4,15 @@ from typing import Protocol
 
 from skyway.contracts.mission import BookMissions, Mission
 from skyway.ids import DeliveryId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
+from skyway_composition.context import Context
 from skyway_composition.planning.offer import Offers
 
 
 class SharedTrip(Protocol):
     """A trip that a request shares with the waiting mission of another delivery."""
 
-    async def join(self, tx: Tx, *, clock: FleetClock, mint: Mint) -> Mission:
+    async def join(self, context: Context, tx: Tx) -> Mission:
         """Save it; returns the request's mission. `WorldChanged`: it must be planned again."""
 
 

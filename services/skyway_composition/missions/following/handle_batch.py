@@ -18,15 +18,12 @@ from typing import Any, Final, Protocol
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, Topic
 from skyway.ids import DroneId, ProviderId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count
-from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.moments import latest_believed
-from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import in_trace_of
 from skyway.units import ms_to_moment
+from skyway_composition.context import Context
 from skyway_composition.links.cached_links import CachedLinks
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_or_add_links, renewals_of
@@ -60,21 +57,12 @@ class ReportHandler:
 
     def __init__(
         self,
-        db: Database,
-        *,
-        clock: FleetClock,
-        mint: Mint,
-        stuck: Wake,
-        calendars: Wake,
+        context: Context,
         quarantine: SetsAside,
     ) -> None:
-        self._db = db
-        self._clock = clock
-        self._mint = mint
-        self._stuck = stuck
-        self._calendars = calendars
+        self._context = context
         self._quarantine = quarantine
-        self._cached_links = CachedLinks(clock)
+        self._cached_links = CachedLinks(context.clock)
 
     def setting_aside_with(self, quarantine: SetsAside) -> "ReportHandler":
         """The same handler, with the same cache, but with another quarantine."""
@@ -89,8 +77,8 @@ class ReportHandler:
             return
         writers = {DroneId(each.ids[1]): ProviderId(each.ids[0]) for each in reversed(batch)}
         self._cached_links.forget(writers)
-        async with self._db.write() as tx:
-            work = await MissionUnitOfWork.lock(writers, tx=tx, clock=self._clock, mint=self._mint)
+        async with self._context.db.write() as tx:
+            work = await MissionUnitOfWork.lock(self._context, tx, writers)
             if writers.keys() - work.links.keys():
                 work.links |= await lock_or_add_links(tx, writers, writers)
             for received in _without_superseded(batch):
@@ -101,9 +89,9 @@ class ReportHandler:
                     await self._handle_one(work, received)
             await work.save_staged()
             if any(record.needs_plan for record in work.missions.values()):
-                tx.after_commit(self._stuck.set)
+                tx.after_commit(self._context.stuck.set)
             if writers.keys() - work.missions.keys():
-                tx.after_commit(self._calendars.set)
+                tx.after_commit(self._context.calendars.set)
         self._cached_links.keep(work.links.values())
 
     async def _without_repeated(self, batch: Sequence[Received[Any]]) -> Sequence[Received[Any]]:
@@ -114,7 +102,7 @@ class ReportHandler:
         again = {each for each in said if self._cached_links.changes_nothing(each, said[each])}
         if not again:
             return batch
-        async with self._db.read() as connection:
+        async with self._context.db.read() as connection:
             # For a drone on a mission the time of its last message matters: it must be saved.
             again -= await store.live_among(connection, again)
             old = {each for each in again if self._cached_links.have_old(each, said[each])}
@@ -128,13 +116,11 @@ class ReportHandler:
 
     async def ask_live_drones(self, is_asked: Callable[[DroneId], bool]) -> None:
         """Ask these drones on missions for their missing events: some may have come meanwhile."""
-        async with self._db.read() as connection:
+        async with self._context.db.read() as connection:
             drone_ids = await store.live_drones(connection)
         for drone_id in filter(is_asked, drone_ids):
-            async with self._db.write() as tx:
-                work = await MissionUnitOfWork.lock(
-                    [drone_id], tx=tx, clock=self._clock, mint=self._mint
-                )
+            async with self._context.db.write() as tx:
+                work = await MissionUnitOfWork.lock(self._context, tx, [drone_id])
                 if drone_id in work.missions:
                     await work.courier.ask_for_events(tx, work.links[drone_id])
 
@@ -171,7 +157,7 @@ class ReportHandler:
         """
         if link.renewed_ms is None or not received.retained:
             return False
-        margin = latest_believed(self._clock) - self._clock.now()
+        margin = latest_believed(self._context.clock) - self._context.clock.now()
         return bool(received.message.sent_at <= ms_to_moment(link.renewed_ms) + margin)
 
 

@@ -7,12 +7,11 @@ from pydantic import ValidationError
 
 from skyway.contracts.topics import Topic
 from skyway.ids import DroneId, ProviderId, QuarantineId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound, ServiceUnavailable
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.moments import earliest_believed, latest_believed
 from skyway.runtime.signing.key_book import KeyBook
-from skyway.runtime.sql.database import Database
+from skyway_composition.context import Context
 from skyway_composition.links.store import link_to
 from skyway_composition.missions.following.handle_batch import FOLLOWED_TOPICS, ReportHandler
 from skyway_composition.missions.following.plausibility import is_ahead, is_behind
@@ -25,8 +24,7 @@ from skyway_composition.quarantine.store import KeptPayload
 class Replays:
     """Gives set-aside messages to the handler of drones' messages."""
 
-    db: Database
-    clock: FleetClock
+    context: Context
     handler: ReportHandler
     keys: KeyBook
 
@@ -40,7 +38,7 @@ class Replays:
         Conflict
             The message still cannot be handled; it stays in the quarantine.
         """
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             kept = await store.payload_of(connection, quarantine_id)
         if kept is None:
             raise NotFound("quarantined message", quarantine_id)
@@ -49,7 +47,7 @@ class Replays:
         received = _read(kept.topic, kept.payload)
         await self._refuse_forged(DroneId(received.ids[1]), kept)
         await self._handle(received, first_ms=kept.first_ms)
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             await store.remove(tx, quarantine_id)
 
     async def _refuse_forged(self, drone_id: DroneId, kept: KeptPayload) -> None:
@@ -58,12 +56,12 @@ class Replays:
             raise _refusal(f"{drone_id} has not signed it")
 
     async def _handle(self, received: Received[Any], *, first_ms: int) -> None:
-        if is_ahead(received.message, latest_at=latest_believed(self.clock)):
+        if is_ahead(received.message, latest_at=latest_believed(self.context.clock)):
             raise _refusal("it speaks of the future")
-        if is_behind(received.message, earliest_at=earliest_believed(self.clock)):
+        if is_behind(received.message, earliest_at=earliest_believed(self.context.clock)):
             raise _refusal("it speaks of long ago")
         drone_id, provider_id = DroneId(received.ids[1]), ProviderId(received.ids[0])
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             link = await link_to(connection, drone_id)
         if link is not None and link.provider_id != provider_id:
             raise _refusal(f"{drone_id} does not belong to {provider_id}")

@@ -8,11 +8,8 @@ from functools import reduce
 from skyway.contracts.mission import Cancellation, CancelMissions
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, PackageId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.loops import Wake
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database, Tx
-from skyway.units import moment_to_ms
+from skyway.runtime.sql.database import Tx
+from skyway_composition.context import Context
 from skyway_composition.missions.interventions.stop_packages import release_queued, stop_packages
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import has_never_left, held_packages
@@ -35,10 +32,7 @@ class _Moved(Exception):
 class Cancellations:
     """Cancels what can be cancelled; wakes `stuck` afterwards."""
 
-    db: Database
-    clock: FleetClock
-    mint: Mint
-    stuck: Wake
+    context: Context
 
     async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
         """Cancel packages; returns what becomes of each. A repeated request gets the same answer.
@@ -53,7 +47,7 @@ class Cancellations:
                 log.info("waiting mission moved", extra={"delivery_id": delivery_id})
 
     async def _cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             await lock_delivery(tx, delivery_id)
             earlier = await store.cancellation(tx, delivery_id, requested.cancellation_id)
             if earlier is not None:
@@ -64,9 +58,9 @@ class Cancellations:
                 delivery_id,
                 requested.cancellation_id,
                 answer=answer,
-                at_ms=moment_to_ms(self.clock.now()),
+                at_ms=self.context.now_ms,
             )
-            tx.after_commit(self.stuck.set)
+            tx.after_commit(self.context.stuck.set)
             return answer
 
     async def _stop(
@@ -75,7 +69,7 @@ class Cancellations:
         drone_ids = await store.drones_serving(tx.connection, delivery_id)
         waiting = await queued_of_delivery(tx.connection, delivery_id)
         locked = {*drone_ids, *(each.drone_id for each in waiting)}
-        work = await MissionUnitOfWork.lock(locked, tx=tx, clock=self.clock, mint=self.mint)
+        work = await MissionUnitOfWork.lock(self.context, tx, locked)
         # Read again: a mission may have been sent before its drone was locked.
         drone_ids = await store.drones_serving(tx.connection, delivery_id)
         queued = await queued_of_delivery(tx.connection, delivery_id)

@@ -9,11 +9,8 @@ from skyway.contracts.drone_report import ActiveFailsafe
 from skyway.errors import InvalidInput
 from skyway.ids import InstructionId, MissionId, StationId
 from skyway.json_model import JsonModel
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
-from skyway.runtime.loops import Wake
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database
+from skyway_composition.context import Context
 from skyway_composition.links.instruction_store import kind_of_revision
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.interventions.stop_packages import (
@@ -102,10 +99,7 @@ class CommandAnswer(JsonModel):
 class Commands:
     """Carries out commands; wakes `stuck` after each."""
 
-    db: Database
-    clock: FleetClock
-    mint: Mint
-    stuck: Wake
+    context: Context
 
     async def give(self, mission_id: MissionId, command: Command) -> CommandAnswer:
         """Do immediately what can be done, and have the remainder planned.
@@ -120,12 +114,10 @@ class Commands:
         InvalidInput
             The station is not in the mission's network.
         """
-        async with self.db.write() as tx:
-            work, record = await lock_mission(
-                tx, mission_id, provider_id=None, clock=self.clock, mint=self.mint
-            )
+        async with self.context.db.write() as tx:
+            work, record = await lock_mission(self.context, tx, mission_id, provider_id=None)
             instruction_id = await carry_out(work, record, command)
-            tx.after_commit(self.stuck.set)
+            tx.after_commit(self.context.stuck.set)
         return CommandAnswer(
             mission_id=mission_id,
             command=command.command,

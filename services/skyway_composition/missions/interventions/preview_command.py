@@ -8,9 +8,7 @@ from pydantic import Field
 from skyway.contracts.drone_report import ActiveFailsafe
 from skyway.ids import MissionId
 from skyway.json_model import JsonModel
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database
+from skyway_composition.context import Context
 from skyway_composition.missions.interventions.give_command import (
     Command,
     CommandName,
@@ -41,9 +39,7 @@ class CommandPreview(JsonModel):
 class CommandPreviews:
     """Previews commands."""
 
-    db: Database
-    clock: FleetClock
-    mint: Mint
+    context: Context
     foresight: Foresight
 
     async def preview(self, mission_id: MissionId, command: Command) -> CommandPreview:
@@ -54,10 +50,8 @@ class CommandPreviews:
         NotFound, Conflict, InvalidInput
             The error with which the command would be refused.
         """
-        async with self.db.rehearse() as tx:
-            work, record = await lock_mission(
-                tx, mission_id, provider_id=None, clock=self.clock, mint=self.mint
-            )
+        async with self.context.db.rehearse() as tx:
+            work, record = await lock_mission(self.context, tx, mission_id, provider_id=None)
             before = await Situation.of(work, record)
             await carry_out(work, record, command)
             seen = await rehearsed(work, before)

@@ -13,10 +13,8 @@ from skyway.contracts.drones import (
     OutOfServiceQuery,
 )
 from skyway.ids import DroneId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.client import ServiceClient
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database
+from skyway_composition.context import Context
 from skyway_composition.missions.mission.end import refuse
 from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
@@ -28,10 +26,8 @@ from skyway_composition.networks.store import share_current
 class WithdrawnDrones:
     """Looks after the calendars of drones that were taken out of service."""
 
-    db: Database
+    context: Context
     registry: ServiceClient
-    clock: FleetClock
-    mint: Mint
 
     async def step(self) -> bool:
         """Step of a loop: ask about all drones with QUEUED missions. Always False.
@@ -41,7 +37,7 @@ class WithdrawnDrones:
         ServiceUnavailable
             The registry is away; calendars stay as they are.
         """
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             drone_ids = await store.drones_with_queue(connection)
         for first in range(0, len(drone_ids), MOST_DRONES):
             asked = OutOfServiceQuery(drone_ids=tuple(drone_ids[first : first + MOST_DRONES]))
@@ -55,14 +51,14 @@ class WithdrawnDrones:
 
     async def _give_up_last(self, drone_id: DroneId) -> bool:
         """Give up the drone's last QUEUED mission; returns whether there was one."""
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             seen = await queued_of_drone(connection, drone_id)
         if not seen:
             return False
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             # Every transaction that changes a calendar locks the network first, then the drone.
             await share_current(tx, seen[-1].network_id)
-            work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+            work = await MissionUnitOfWork.lock(self.context, tx, [drone_id])
             queued = await queued_of_drone(tx.connection, drone_id)
             if queued:
                 detail = "its drone is out of service"

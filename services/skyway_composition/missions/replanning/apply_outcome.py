@@ -9,13 +9,12 @@ from typing import Final
 
 from skyway.contracts.flight_step import PickUpStep
 from skyway.ids import DroneId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.database import Tx
 from skyway.scheduling.trip import NoTrip
 from skyway.units import NEVER_MS, moment_to_ms
 from skyway_composition.calendar.commit import WorldChanged
+from skyway_composition.context import Context
 from skyway_composition.links.instruction_store import open_instructions
 from skyway_composition.missions.mission.end import abort, cancel
 from skyway_composition.missions.mission.instruct import hold
@@ -49,14 +48,12 @@ _RETRY_MS: Final = 2_000
 class Outcomes:
     """Applies the outcomes of planning for missions."""
 
-    db: Database
-    clock: FleetClock
-    mint: Mint
+    context: Context
 
     async def send_or_retry(self, case: Case, anchor: Anchor, remainder: Remainder) -> None:
         """Send this remainder of the mission; if a pad is reserved by now, plan again later."""
         try:
-            async with self.db.write() as tx:
+            async with self.context.db.write() as tx:
                 await self._send(tx, case, anchor, remainder)
         except RowRefused as taken:
             mission_id = case.record.mission_id
@@ -68,7 +65,7 @@ class Outcomes:
         work = await self._lock_as_seen(case, tx)
         # After the links: every transaction locks links before missions.
         await retry_stuck(tx, case.record.mission_id, at_wall_ms=0)
-        if work is None or remainder.trip.start_ms < self._now_ms():
+        if work is None or remainder.trip.start_ms < self.context.now_ms:
             return
         record = work.missions[case.record.drone_id]
         revision = revision_of(
@@ -90,12 +87,12 @@ class Outcomes:
 
     async def retry_later(self, record: MissionRecord) -> None:
         """Plan again a little later."""
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             await put_off(tx, record.mission_id, until_wall_ms=self._retry_wall_ms)
 
     async def hold(self, record: MissionRecord, stop: str) -> None:
         """Keep the drone on the ground while a ground stop lasts, and plan again later."""
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             work = await self._lock(record.drone_id, tx)
             current = work.missions.get(record.drone_id)
             if current is not None and current.mission_id == record.mission_id:
@@ -108,7 +105,7 @@ class Outcomes:
             detail = f"{MOST_REVISIONS} revisions led nowhere; the last: {trouble.detail}"
             await self.give_up(record, code=trouble.code, detail=detail)
             return
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             work = await self._lock(record.drone_id, tx)
             current = work.missions.get(record.drone_id)
             if current is not None and current.mission_id == record.mission_id:
@@ -118,7 +115,7 @@ class Outcomes:
 
     async def stop_diverting(self, case: Case, reason: NoTrip) -> None:
         """Leave the drone held, because it cannot reach the station of its diversion."""
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             work = await self._lock_as_seen(case, tx)
             if work is not None:
                 record = work.missions[case.record.drone_id]
@@ -127,7 +124,7 @@ class Outcomes:
 
     async def give_up(self, planned: MissionRecord, *, code: str, detail: str) -> None:
         """End a mission for which no plan was found, if the drone still has this mission."""
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             work = await self._lock(planned.drone_id, tx)
             record = work.missions.get(planned.drone_id)
             if record is None or record.mission_id != planned.mission_id:
@@ -141,21 +138,16 @@ class Outcomes:
     async def _lock_as_seen(self, case: Case, tx: Tx) -> MissionUnitOfWork | None:
         """The locked drone of a case; None if anything has changed that its plan depends on."""
         try:
-            return await MissionUnitOfWork.lock_as_seen(
-                case.seen, tx=tx, clock=self.clock, mint=self.mint
-            )
+            return await MissionUnitOfWork.lock_as_seen(self.context, tx, case.seen)
         except WorldChanged:
             return None
 
     async def _lock(self, drone_id: DroneId, tx: Tx) -> MissionUnitOfWork:
-        return await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+        return await MissionUnitOfWork.lock(self.context, tx, [drone_id])
 
     @property
     def _retry_wall_ms(self) -> int:
-        return moment_to_ms(self.clock.wall_now()) + _RETRY_MS
-
-    def _now_ms(self) -> int:
-        return moment_to_ms(self.clock.now())
+        return moment_to_ms(self.context.clock.wall_now()) + _RETRY_MS
 
 
 async def _surely_stands(work: MissionUnitOfWork, record: MissionRecord) -> bool:

@@ -8,12 +8,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.sql.database import Database
 from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import NoTrip
-from skyway.units import moment_to_ms
 from skyway_composition.closures.closure import Closure
+from skyway_composition.context import Context
 from skyway_composition.margins import HAND_OVER
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.replanning.apply_outcome import MOST_REVISIONS, refusal_code
@@ -22,9 +20,7 @@ from skyway_composition.missions.replanning.felt_wind import felt_margin
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
 from skyway_composition.missions.replanning.situation import Situation
-from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.closed_ahead import ClosedAhead
-from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
 #: How often, at most, a plan is made again with a larger energy margin. Our own choice.
@@ -87,10 +83,7 @@ Found = NewPlan | NoPlanYet | Grounded | NoDiversion | NoMorePlans | NoPlan
 class PlanFinder:
     """Finds new plans; `solver` is where they are composed."""
 
-    db: Database
-    networks: PreparedNetworks
-    solver: SolverPool
-    clock: FleetClock
+    context: Context
 
     async def find(
         self,
@@ -114,8 +107,8 @@ class PlanFinder:
         world = await self._world(record, queued, supposed)
         world = world.for_drone(record.candidate.learned)
         # Reads the weather of the model here, since this may take a while.
-        await world.weather(situation.model, self._now_ms())
-        closed = ClosedAhead.of(world, now_ms=self._now_ms()).for_model(situation.model)
+        await world.weather(situation.model, self.context.now_ms)
+        closed = ClosedAhead.of(world, now_ms=self.context.now_ms).for_model(situation.model)
         case = Case(situation, trouble, world, closed, sent_revisions)
         anchor = self._anchor(case, closed=closed)
         if anchor is None:
@@ -146,7 +139,7 @@ class PlanFinder:
 
     def _planner(self, case: Case, ready: Slot | None) -> RemainderPlanner:
         return RemainderPlanner(
-            self.solver, case.world, case.situation, case.closed, case.energy_margin, ready
+            self.context.solver, case.world, case.situation, case.closed, case.energy_margin, ready
         )
 
     async def _with_felt_margin(
@@ -219,21 +212,18 @@ class PlanFinder:
         self, record: MissionRecord, queued: Sequence[MissionRecord], supposed: Sequence[Closure]
     ) -> World:
         """The present world, in which the pads of this drone's missions count as free."""
-        skyway = await self.networks.current(record.network_id)
+        skyway = await self.context.networks.current(record.network_id)
         own = [record.mission_id, *(each.mission_id for each in queued)]
         return await World.of(
-            skyway, self.db, after_ms=self._now_ms(), without=own, supposed=supposed
+            skyway, self.context.db, after_ms=self.context.now_ms, without=own, supposed=supposed
         )
 
     def _ready_for(self, following: MissionRecord) -> Slot:
         """Where, when and with what charge the drone must be ready for its next mission."""
         start = following.start
-        return Slot(start.station_id, start.at_ms - HAND_OVER.ms(self.clock), start.soc)
+        return Slot(start.station_id, start.at_ms - HAND_OVER.ms(self.context.clock), start.soc)
 
     def _anchor(
         self, case: Case, *, closed: ClosedAhead, before_step: int | None = None
     ) -> Anchor | None:
-        return case.anchor(closed=closed, clock=self.clock, before_step=before_step)
-
-    def _now_ms(self) -> int:
-        return moment_to_ms(self.clock.now())
+        return case.anchor(closed=closed, clock=self.context.clock, before_step=before_step)

@@ -6,15 +6,12 @@ it checks again what was planned with. After any change the mission is planned a
 """
 
 import asyncio
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from skyway.ids import DroneId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database
 from skyway_composition.closures.close import Closings
 from skyway_composition.closures.store import outages
+from skyway_composition.context import Context
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.replanning.apply_outcome import Outcomes
 from skyway_composition.missions.replanning.case import outage_of
@@ -28,10 +25,8 @@ from skyway_composition.missions.replanning.find_plan import (
     NoPlanYet,
     PlanFinder,
 )
-from skyway_composition.missions.replanning.situation import Situation, read_situation
+from skyway_composition.missions.replanning.situation import read_situation
 from skyway_composition.missions.replanning.store import claim_stuck
-from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.solver_pool import SolverPool
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +54,7 @@ class OccupiedPads:
 class Replanner:
     """Finds new plans for missions that need one."""
 
-    db: Database
-    networks: PreparedNetworks
-    solver: SolverPool
-    clock: FleetClock
-    mint: Mint
+    context: Context
     claimant: str
     occupied: OccupiedPads
 
@@ -73,7 +64,7 @@ class Replanner:
         The missions are planned one by one. After an error a mission is planned again when its
         claim is over.
         """
-        drone_ids = await claim_stuck(self.db, self.clock, self.claimant)
+        drone_ids = await claim_stuck(self.context.db, self.context.clock, self.claimant)
         ends = await asyncio.gather(*map(self.replan, drone_ids), return_exceptions=True)
         failures = [each for each in ends if isinstance(each, Exception)]
         if failures:
@@ -82,11 +73,11 @@ class Replanner:
 
     async def replan(self, drone_id: DroneId) -> None:
         """Give this drone's mission a new revision; without a plan, try again later or give up."""
-        seen = await self._read_situation(drone_id)
+        seen = await read_situation(self.context, drone_id)
         if seen is not None and seen[0].needs_pad_closed:
             await self.occupied.close(seen[0].record)
             # Closing a pad changes missions, this one included.
-            seen = await self._read_situation(drone_id)
+            seen = await read_situation(self.context, drone_id)
         if seen is None:
             return
         situation, sent_revisions, queued = seen
@@ -108,15 +99,10 @@ class Replanner:
             case NoPlan():
                 await self._outcomes.give_up(record, code=found.code, detail=found.detail)
 
-    async def _read_situation(
-        self, drone_id: DroneId
-    ) -> tuple[Situation, int, Sequence[MissionRecord]] | None:
-        return await read_situation(self.db, drone_id, clock=self.clock, mint=self.mint)
-
     @property
     def _finder(self) -> PlanFinder:
-        return PlanFinder(self.db, self.networks, self.solver, self.clock)
+        return PlanFinder(self.context)
 
     @property
     def _outcomes(self) -> Outcomes:
-        return Outcomes(self.db, self.clock, self.mint)
+        return Outcomes(self.context)

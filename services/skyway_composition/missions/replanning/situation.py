@@ -17,10 +17,8 @@ from skyway.drone.learned_values import model_as_learned
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, PackageId, StationId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
+from skyway_composition.context import Context
 from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.custody_store import Held, on_board
@@ -281,14 +279,14 @@ def _landing(planned: tuple[FlightStep, ...]) -> int:
 
 
 async def read_situation(
-    db: Database, drone_id: DroneId, *, clock: FleetClock, mint: Mint
+    context: Context, drone_id: DroneId
 ) -> tuple[Situation, int, Sequence[MissionRecord]] | None:
     """The situation of its mission, the last revision that was sent, and its queue.
 
     None when the drone has no live mission.
     """
-    async with db.write() as tx:
-        work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=clock, mint=mint)
+    async with context.db.write() as tx:
+        work = await MissionUnitOfWork.lock(context, tx, [drone_id])
         record = work.missions.get(drone_id)
         if record is None:
             return None

@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 from skyway_composition.planning.solver_pool import SolverPool
-
 from tests.composition.missions.replanning.test_failsafes import failed_at
 
 pytestmark = pytest.mark.databases("sqlite")
@@ -79,7 +78,7 @@ async def test_a_plan_in_progress_does_not_end_a_hold(
     )
 
     async with HoldingSolver(composition, mission_id) as solver:
-        replanner = replace(composition.replanner, solver=solver)
+        replanner = replace(composition.replanner, context=composition.parts.planning_with(solver))
         for _ in range(2):
             await replanner.step()
 

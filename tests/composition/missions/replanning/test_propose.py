@@ -57,9 +57,7 @@ def flying_state(drone: Any, instruction: Any, step_id: int) -> Any:
 
 async def trouble(composition: Any, why: Trouble = LATE_WIND) -> None:
     async with composition.db.write() as tx:
-        work = await MissionUnitOfWork.lock(
-            [DroneId("drn_1")], tx=tx, clock=composition.clock, mint=composition.parts.mint
-        )
+        work = await MissionUnitOfWork.lock(composition.parts, tx, [DroneId("drn_1")])
         await request_plan(work, work.missions[DroneId("drn_1")], why)
 
 

@@ -4,10 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from skyway.ids import DroneId, MissionId, ProviderId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.context import Context
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.release_pads import restore_pads
 from skyway_composition.missions.mission.standby import end_standby_before, restore_standby
@@ -55,7 +54,7 @@ class BetterOrder:
         return min(each.record.start.at_ms for moved in self.moved.values() for each in moved)
 
 
-async def adopt(tx: Tx, better: BetterOrder, *, clock: FleetClock, mint: Mint) -> None:
+async def adopt(context: Context, tx: Tx, better: BetterOrder) -> None:
     """Save the new plans and report them.
 
     Raises
@@ -66,7 +65,7 @@ async def adopt(tx: Tx, better: BetterOrder, *, clock: FleetClock, mint: Mint) -
         Another mission, or a held offer, has one of the pads now.
     """
     fleet, drone_ids, times = better.fleet, sorted(better.fleet.calendars), better.times
-    work = await MissionUnitOfWork.lock_as_seen(better.seen, tx=tx, clock=clock, mint=mint)
+    work = await MissionUnitOfWork.lock_as_seen(context, tx, better.seen)
     await work.change_calendars(drone_ids)
     all_moved = [each for moved in better.moved.values() for each in moved]
     # All in one order, because each mission locks its own stations later.

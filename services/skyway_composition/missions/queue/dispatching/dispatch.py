@@ -5,14 +5,11 @@ import logging
 from dataclasses import dataclass
 
 from skyway.ids import NetworkId, ProviderId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
-from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count, timed
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.calendar.commit import WorldChanged
+from skyway_composition.context import Context
 from skyway_composition.margins import REACHES
 from skyway_composition.missions.queue.dispatching import store
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, adopt
@@ -28,11 +25,8 @@ class Dispatcher:
     After an adoption it wakes `calendars`.
     """
 
-    db: Database
+    context: Context
     finder: OrderFinder
-    clock: FleetClock
-    mint: Mint
-    calendars: Wake
 
     async def step(self) -> bool:
         """Step of a loop: look at each fleet once. Always False.
@@ -55,13 +49,13 @@ class Dispatcher:
 
     async def adopt(self, better: BetterOrder) -> str:
         """Save a better order, if nothing has changed since; returns the outcome."""
-        now = self.clock.now()
-        if better.first_start_ms < moment_to_ms(now + REACHES.span(self.clock)):
+        now = self.context.clock.now()
+        if better.first_start_ms < moment_to_ms(now + REACHES.span(self.context.clock)):
             return "outdated"
         judgement = better.judgement
         try:
-            async with self.db.write() as tx:
-                await adopt(tx, better, clock=self.clock, mint=self.mint)
+            async with self.context.db.write() as tx:
+                await adopt(self.context, tx, better)
                 await store.note_better_order(
                     tx,
                     better.provider_id,
@@ -74,7 +68,7 @@ class Dispatcher:
             return "taken"
         except WorldChanged:
             return "outdated"
-        self.calendars.set()
+        self.context.calendars.set()
         about = "seconds by which adopted orders deliver earlier"
         count("skyway_dispatch_saved_seconds", about, max(0.0, judgement.saved_s))
         guests = sum(len(each.guests) for each in better.merges)

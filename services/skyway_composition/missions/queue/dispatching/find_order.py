@@ -11,12 +11,10 @@ from skyway.contracts.drones import (
     OutOfServiceQuery,
 )
 from skyway.ids import DroneId, MissionId, NetworkId, ProviderId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.metrics import count
-from skyway.runtime.sql.database import Database
 from skyway.scheduling.trip import NoTrip
-from skyway.units import moment_to_ms
+from skyway_composition.context import Context
 from skyway_composition.links.store import held_among, links_to
 from skyway_composition.margins import ANOTHER_ORDER, HAND_OVER
 from skyway_composition.missions.queue.dispatching import store
@@ -35,9 +33,7 @@ from skyway_composition.missions.queue.dispatching.search_process import (
     SearchFailed,
     SearchProcess,
 )
-from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.pads.store import booked_everywhere
-from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
@@ -87,18 +83,15 @@ class OrderFinder:
     A fleet for which there was none is not searched again until its calendars change.
     """
 
-    db: Database
-    networks: PreparedNetworks
-    solver: SolverPool
+    context: Context
     search: SearchProcess
     registry: ServiceClient
-    clock: FleetClock
     terms: DispatchTerms
     _searched: dict[tuple[NetworkId, ProviderId], Orders] = field(default_factory=dict)
 
     async def fleets(self) -> list[tuple[NetworkId, ProviderId]]:
         """The networks and providers in which missions may move; all others are forgotten."""
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             fleets = await store.waiting_fleets(connection, after_ms=self._times().last_kept_ms)
         for gone in self._searched.keys() - {*fleets}:
             del self._searched[gone]
@@ -107,8 +100,8 @@ class OrderFinder:
     async def find(self, network_id: NetworkId, provider_id: ProviderId) -> BetterOrder | NotBetter:
         """A better order of the missions that wait in a provider's calendars, or why none."""
         times = self._times()
-        skyway = await self.networks.current(network_id)
-        world = await World.of(skyway, self.db, after_ms=times.now_ms)
+        skyway = await self.context.networks.current(network_id)
+        world = await World.of(skyway, self.context.db, after_ms=times.now_ms)
         fleet = free_to_take_off(await self._fleet(network_id, provider_id, times), world, times)
         # Calendars of an earlier network or closure are planned again first, without this search.
         if not _can_improve(fleet) or not fleet.is_planned_in(world.present):
@@ -143,7 +136,7 @@ class OrderFinder:
         return "promise"
 
     async def _fleet(self, network_id: NetworkId, provider_id: ProviderId, times: Moments) -> Fleet:
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             found = await store.open_missions_of(connection, network_id, provider_id)
             drone_ids = sorted(found.versions)
             held = await held_among(connection, drone_ids, now_ms=times.now_ms)
@@ -168,7 +161,7 @@ class OrderFinder:
     ) -> MergedOrder | None:
         """The order that the search proposes, if it pools with shared trips; None if it fails."""
         skyway = world.skyway
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             held = await booked_everywhere(connection, skyway.network_id, moment_ms=times.now_ms)
         fields = fleet_problem(
             fleet,
@@ -199,7 +192,7 @@ class OrderFinder:
         }
         if len(found) < 2:
             return frozenset()
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             split = await store.with_several_trips(connection, {*found.values()})
         return frozenset(each for each, of in found.items() if of not in split)
 
@@ -225,13 +218,13 @@ class OrderFinder:
         """The order of these drones with exact plans, if it is better."""
         hosts = [each.host for each in order.merges]
         moved = await plan_orders(
-            self.solver,
+            self.context.solver,
             world,
             affected,
             order.orders,
             instead=hosts,
             times=times,
-            clock=self.clock,
+            clock=self.context.clock,
             tolerance_s=self.terms.tolerance_s,
         )
         if isinstance(moved, NoTrip):
@@ -257,7 +250,7 @@ class OrderFinder:
         }
         if not again:
             return False
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             refusals = await store.refusals_of(connection, {*again.values()})
         return any(
             (again[each], drone_id) in refusals
@@ -267,9 +260,9 @@ class OrderFinder:
         )
 
     def _times(self) -> Moments:
-        now_ms = moment_to_ms(self.clock.now())
-        ahead_ms = ANOTHER_ORDER.ms(self.clock, more_wall_s=2 * self.terms.budget_s)
-        return Moments(now_ms, now_ms + ahead_ms, HAND_OVER.ms(self.clock))
+        now_ms = self.context.now_ms
+        ahead_ms = ANOTHER_ORDER.ms(self.context.clock, more_wall_s=2 * self.terms.budget_s)
+        return Moments(now_ms, now_ms + ahead_ms, HAND_OVER.ms(self.context.clock))
 
 
 def free_to_take_off(fleet: Fleet, world: World, times: Moments) -> Fleet:

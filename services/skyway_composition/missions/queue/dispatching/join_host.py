@@ -3,11 +3,10 @@
 from dataclasses import dataclass, replace
 
 from skyway.contracts.mission import Mission
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_composition.calendar.commit import WorldChanged
+from skyway_composition.context import Context
 from skyway_composition.missions.mission.custody_store import Custodian, Held, begin_custody
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import Share
@@ -41,7 +40,7 @@ class JoinedTrip:
         waiting = self.better.fleet.waiting
         return next(each for each in waiting if each.mission_id == self.record.mission_id)
 
-    async def join(self, tx: Tx, *, clock: FleetClock, mint: Mint) -> Mission:
+    async def join(self, context: Context, tx: Tx) -> Mission:
         """Save the shared trip; returns the guest's mission.
 
         The caller has locked or added the guest's delivery.
@@ -53,9 +52,9 @@ class JoinedTrip:
         RowRefused
             Another mission, or a held offer, has one of the pads now.
         """
-        if self.better.first_start_ms < moment_to_ms(clock.now()):
+        if self.better.first_start_ms < context.now_ms:
             raise WorldChanged
-        await adopt(tx, self.better, clock=clock, mint=mint)
+        await adopt(context, tx, self.better)
         record = self.record
         promised = promises_of(self.host_before)
         new = [each for each in record.mission.packages if each.package_id in self.guest.packages]
