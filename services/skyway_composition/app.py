@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from fastapi import FastAPI, Request
+
 from skyway.cells import NETWORK_HEADER
 from skyway.contracts.weather import ForecastDocument
 from skyway.ids import NetworkId
@@ -30,8 +31,7 @@ from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarm_routes import alarm_routes, drone_alarm_routes
-from skyway_composition.closures.routes import area_routes, place_routes
-from skyway_composition.closures.span_routes import span_routes
+from skyway_composition.closures.routes import area_routes, place_routes, span_routes
 from skyway_composition.gauges import CompositionGauges
 from skyway_composition.links.renewal_routes import renewal_routes
 from skyway_composition.live.routes import live_routes
@@ -43,10 +43,10 @@ from skyway_composition.missions.tracking_routes import tracking_routes
 from skyway_composition.networks.change_weather import WeatherChanges
 from skyway_composition.networks.routes import (
     network_routes,
+    service_status_routes,
+    weather_routes,
 )
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
-from skyway_composition.networks.status_routes import service_status_routes
-from skyway_composition.networks.weather_routes import weather_routes
 from skyway_composition.own_cells import OwnCells
 from skyway_composition.pads.routes import pad_routes
 from skyway_composition.parts import SERVICE, Parts, parts_of, registry_client

@@ -22,25 +22,26 @@ from skyway_composition.gauge_store import OPEN_ROWS
 from skyway_composition.links.listening import Listening
 from skyway_composition.links.registered_keys import RegisteredKeys
 from skyway_composition.missions.booking.book import Bookings
-from skyway_composition.missions.booking.hold_quote import HeldQuotes
-from skyway_composition.missions.booking.keep_offer import OfferKeeper
+from skyway_composition.missions.booking.keep_offer import HeldQuotes, OfferKeeper
 from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.closure_impact.impact import MissionImpact
-from skyway_composition.missions.following.handle_batch import ReportHandler
-from skyway_composition.missions.following.replay import Replays
+from skyway_composition.missions.following.follow import ReportHandler
+from skyway_composition.missions.following.quarantine_routes import Replays
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import Loadings
-from skyway_composition.missions.interventions.give_command import Commands
-from skyway_composition.missions.interventions.preview_command import CommandPreviews
-from skyway_composition.missions.queue.dispatching.dispatch import Dispatcher
+from skyway_composition.missions.interventions.give_command import CommandPreviews, Commands
+from skyway_composition.missions.queue.dispatching.dispatch import (
+    Dispatcher,
+    DispatchTerms,
+    OrderFinder,
+)
 from skyway_composition.missions.queue.dispatching.find_host import HostFinder
-from skyway_composition.missions.queue.dispatching.find_order import DispatchTerms, OrderFinder
 from skyway_composition.missions.queue.dispatching.search_process import SearchProcess
 from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.service_status import CountDrones, count_drones_at
 from skyway_composition.own_cells import OwnCells
-from skyway_composition.planning.no_shows import NoShows
+from skyway_composition.planning.no_show_store import NoShows
 from skyway_composition.planning.plan_offers import Quotes
 from skyway_composition.planning.routes import StrategyRights
 from skyway_composition.planning.solver_pool import ReadingTurn, SolverPool

@@ -17,8 +17,7 @@ from skyway.runtime.outbox.stream_sender import hint_pace
 from skyway.runtime.replicas.membership import LeaderStep
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer
 from skyway_composition.missions.following.follow import Follower, GainedDrones
-from skyway_composition.missions.queue.give_up_withdrawn import WithdrawnDrones
-from skyway_composition.missions.queue.keep_calendars import Calendars
+from skyway_composition.missions.queue.keep_calendars import Calendars, WithdrawnDrones
 from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
 from skyway_composition.missions.timeouts import (
     LateMissions,

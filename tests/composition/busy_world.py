@@ -13,7 +13,7 @@ from skyway_composition.context import Context
 from skyway_composition.links.listening import Listening
 from skyway_composition.missions.booking.book import Bookings
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer, MissionImpact
-from skyway_composition.missions.following.handle_batch import ReportHandler
+from skyway_composition.missions.following.follow import ReportHandler
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Command, Commands

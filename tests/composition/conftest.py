@@ -13,16 +13,15 @@ import httpx
 import pytest
 from skyway_composition.app import composition_app
 from skyway_composition.links.listening import Listening
-from skyway_composition.missions.following.follow import Follower
-from skyway_composition.missions.following.handle_batch import ReportHandler
-from skyway_composition.missions.queue.dispatching.find_order import DispatchTerms
+from skyway_composition.missions.following.follow import Follower, ReportHandler
+from skyway_composition.missions.queue.dispatching.dispatch import DispatchTerms
 from skyway_composition.missions.queue.keep_calendars import Calendars
 from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
 from skyway_composition.missions.timeouts import LateMissions, OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.own_cells import OwnCells
 from skyway_composition.parts import Parts
-from skyway_composition.planning.no_shows import NoShows
+from skyway_composition.planning.no_show_store import NoShows
 from skyway_composition.planning.routes import StrategyRights
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.quarantine.set_aside import Quarantine

@@ -10,9 +10,12 @@ from typing import Any, Final
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import missions_seen, owner_of
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder
-from skyway_composition.missions.queue.dispatching.dispatch import Dispatcher
-from skyway_composition.missions.queue.dispatching.find_order import DispatchTerms, OrderFinder
-from skyway_composition.missions.queue.dispatching.judgement import ENERGY_S_PER_KWH
+from skyway_composition.missions.queue.dispatching.dispatch import (
+    Dispatcher,
+    DispatchTerms,
+    OrderFinder,
+)
+from skyway_composition.missions.queue.dispatching.plan_orders import ENERGY_S_PER_KWH
 from skyway_composition.missions.queue.dispatching.search_process import (
     FoundOrder,
     Search,

@@ -2,8 +2,7 @@
 
 from typing import Any
 
-from skyway_composition.missions.interventions.give_command import Command
-from skyway_composition.missions.interventions.preview_command import CommandPreviews
+from skyway_composition.missions.interventions.give_command import Command, CommandPreviews
 from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.tables import metadata
 from sqlalchemy import select

@@ -10,7 +10,7 @@ from typing import Any, Final
 import pytest
 from skyway_composition import alarm_store
 from skyway_composition.gauges import ALARM_CODES
-from skyway_composition.missions.mission.doubt import put_in_doubt
+from skyway_composition.missions.mission.end import put_in_doubt
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm
 

@@ -29,8 +29,7 @@ from skyway_composition.margins import (
     Margin,
 )
 from skyway_composition.missions.interventions.confirm_loading import LoadingFault, refuse_loading
-from skyway_composition.missions.mission.doubt import put_in_doubt
-from skyway_composition.missions.mission.end import abort, refuse
+from skyway_composition.missions.mission.end import abort, put_in_doubt, refuse
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.store import models_of_missions
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
@@ -44,8 +43,7 @@ from skyway_composition.missions.timeout_store import (
     perhaps_overdue,
     unknown_missions,
 )
-from skyway_composition.planning.closed_ahead import ClosedAhead
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import ClosedAhead, World
 
 log = logging.getLogger(__name__)
 

@@ -10,14 +10,15 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.step_store import steps_of
+from sqlalchemy.ext.asyncio import AsyncConnection
+
 from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.mission import BookMissions
 from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DeliveryId
 from skyway.runtime.sql.database import Database, Tx
-from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.step_store import steps_of
-from sqlalchemy.ext.asyncio import AsyncConnection
 
 OPERATOR = "operator:op"
 AROUND_B = [[0.15, -0.1], [0.2, -0.1], [0.2, 0.1], [0.15, 0.1], [0.15, -0.1]]

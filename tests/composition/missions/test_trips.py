@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+
 from skyway.contracts.mission import Booking, BookMissions
 from skyway.contracts.quote import QuoteQuery
 from skyway.contracts.shortlist import Shortlist

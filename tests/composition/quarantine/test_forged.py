@@ -6,7 +6,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.missions.following.replay import Replays
+from skyway_composition.missions.following.quarantine_routes import Replays
 from skyway_composition.quarantine.set_aside import Quarantine
 
 from skyway.contracts.drones import DroneSignature

@@ -11,8 +11,9 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from functools import partial
 from time import perf_counter
+from typing import Protocol
 
-from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
+from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery, Mission
 from skyway.contracts.quote import HoldLoss
 from skyway.ids import DeliveryId, HoldId
 from skyway.runtime.errors import RowRefused
@@ -31,7 +32,6 @@ from skyway_composition.missions.booking.hold_store import (
 )
 from skyway_composition.missions.booking.outcome import pickup_unknown, with_hold_loss
 from skyway_composition.missions.booking.rounds import FoundOffer, Rounds
-from skyway_composition.missions.booking.shared_trip import SharedTrip, SharedTrips
 from skyway_composition.missions.booking.store import FirstLook, first_look
 from skyway_composition.missions.booking.turns import AskingOrder, Turns
 from skyway_composition.missions.mission import store
@@ -39,6 +39,23 @@ from skyway_composition.missions.mission.store import close_delivery, lock_deliv
 from skyway_composition.networks.store import Present
 from skyway_composition.planning.offer import Offers
 from skyway_composition.planning.world import World
+
+
+class SharedTrip(Protocol):
+    """A trip that a request shares with the waiting mission of another delivery."""
+
+    async def join(self, context: Context, tx: Tx) -> Mission:
+        """Save it; returns the request's mission. `WorldChanged`: it must be planned again."""
+
+
+class SharedTrips(Protocol):
+    """Finds shared trips."""
+
+    async def find(
+        self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers
+    ) -> SharedTrip | None:
+        """The best shared trip; None if an offer is better."""
+
 
 log = logging.getLogger(__name__)
 

@@ -6,26 +6,87 @@ a service, never to another standby.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from skyway.contracts.flight_step import DeliverStep, PickUpStep, ReturnStep
 from skyway.contracts.mission import BookMissions
 from skyway.contracts.quote import KeepOffer
 from skyway.delivery.plan import Recharge, Wait
-from skyway.ids import MissionId
+from skyway.ids import DroneId, MissionId
+from skyway.runtime.sql.database import Tx
 from skyway.scheduling.giving_way import WORTH_MS, YieldingStandby, widened
 from skyway.scheduling.trip import NOTHING_TO_DELIVER, BookedPad, Trip
 from skyway_composition.context import Context
 from skyway_composition.margins import GIVES_WAY_LONGER, REACHES
-from skyway_composition.missions.booking.move_standbys import MovedStandby
 from skyway_composition.missions.booking.standby_store import unanswered, yielding_standbys
 from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.record import PlannedIn
-from skyway_composition.missions.mission.standby import trip_with_other_standby
+from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
+from skyway_composition.missions.mission.standby import (
+    restore_pads,
+    standby_steps,
+    trip_with_other_standby,
+    with_standby_of,
+)
+from skyway_composition.missions.mission.step_store import replace_steps, steps_of
 from skyway_composition.missions.replanning.give_way import StandbyRequests
+from skyway_composition.pads.store import hold
 from skyway_composition.planning.offer import Limits, Offer, Offers
 from skyway_composition.planning.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class MovedStandby:
+    """A QUEUED mission as it was read, the last of its drone, and its trip with another standby."""
+
+    standby: YieldingStandby
+    record: MissionRecord
+    trip: Trip
+
+    @property
+    def calendar_version(self) -> int:
+        """The number of its drone's calendar when the standby was found."""
+        return self.standby.calendar_version
+
+    @property
+    def drone_id(self) -> DroneId:
+        """The drone of the mission."""
+        return self.record.drone_id
+
+    @property
+    def pads(self) -> tuple[BookedPad, ...]:
+        """The pads that the mission holds before or after."""
+        return (*self.standby.pads, *self.trip.booked_pads)
+
+
+async def move_standbys(tx: Tx, moves: Iterable[MovedStandby], world: World) -> None:
+    """Give these missions their new standbys.
+
+    The links of their drones, with unchanged calendars, and the stations of their pads are locked.
+
+    Raises
+    ------
+    RowRefused
+        Another mission holds one of the pads.
+    """
+    for each in moves:
+        await _move(tx, each, world)
+
+
+async def _move(tx: Tx, moved: MovedStandby, world: World) -> None:
+    record, trip = moved.record, moved.trip
+    steps = [each.step for each in await steps_of(tx.connection, record.mission_id)]
+    first_step = 1 + max(
+        each.step_id for each in steps if isinstance(each, PickUpStep | DeliverStep | ReturnStep)
+    )
+    replacement = standby_steps(record, trip, world, first_step=first_step)
+    await replace_steps(tx, record.mission_id, replacement, first_step=first_step, revision=1)
+    await hold(tx, record.mission_id, trip.booked_pads)
+    mission = with_standby_of(record.mission, trip, revision=1)
+    await store.save_all(tx, [record.with_mission(mission)])
+    await restore_pads(tx, record.drone_id)
+
 
 #: How long a booking waits for the answers of drones, and how often it looks, seconds of wall time.
 #: Bookings behind it wait too. Our own choice.

@@ -10,20 +10,19 @@ from skyway.runtime.sql.database import Tx
 from skyway.runtime.tracing import current_traceparent
 from skyway.scheduling.trip import BookedPad, without
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.calendar.commit import WorldChanged, lock_as_seen
-from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.commit import Snapshot, WorldChanged, lock_as_seen
 from skyway_composition.calendar.store import raise_versions
 from skyway_composition.context import Context
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import claim_next_place
 from skyway_composition.margins import HAND_OVER
+from skyway_composition.missions.booking.clear_way import MovedStandby, move_standbys
 from skyway_composition.missions.booking.hold_store import (
     drones_of_hold,
     free_drones,
     free_pads,
 )
-from skyway_composition.missions.booking.move_standbys import MovedStandby, move_standbys
 from skyway_composition.missions.booking.store import claim_in_one_statement, missions_of
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
@@ -35,8 +34,7 @@ from skyway_composition.missions.mission.custody_store import (
 from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps, new_mission
 from skyway_composition.missions.mission.instruct import mission_draft
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
-from skyway_composition.missions.mission.release_pads import restore_pads
-from skyway_composition.missions.mission.standby import end_standby_before
+from skyway_composition.missions.mission.standby import end_standby_before, restore_pads
 from skyway_composition.missions.mission.step_store import add_steps
 from skyway_composition.missions.mission.unit_of_work import free_from, report_in
 from skyway_composition.networks.prepared import PreparedNetwork

@@ -21,9 +21,14 @@ from skyway.runtime.metrics import count
 from skyway.runtime.sql.database import Tx
 from skyway_composition.calendar.commit import WorldChanged
 from skyway_composition.context import Context
-from skyway_composition.missions.booking.clear_way import Blocked, ClearedWay, Pause, WaySearch
+from skyway_composition.missions.booking.clear_way import (
+    Blocked,
+    ClearedWay,
+    MovedStandby,
+    Pause,
+    WaySearch,
+)
 from skyway_composition.missions.booking.hold_store import delete_expired
-from skyway_composition.missions.booking.move_standbys import MovedStandby
 from skyway_composition.missions.booking.outcome import all_taken, pickup_unknown, without_offer
 from skyway_composition.missions.booking.store import FirstLook, SeenCalendars, seen_calendars
 from skyway_composition.missions.booking.turns import Turn

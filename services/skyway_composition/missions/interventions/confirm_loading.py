@@ -25,7 +25,7 @@ from skyway_composition.missions.mission import end as ending
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, lock_mission
-from skyway_composition.missions.replanning.request_plan import request_plan
+from skyway_composition.missions.replanning.check_plan import request_plan
 
 #: A measured mass may differ by the larger of these, kilograms and a share. Our own choices.
 _TOLERANCE_KG: Final = 0.05

@@ -16,8 +16,12 @@ from skyway.drone.model import DroneModel
 from skyway.ids import DeliveryId, DroneId, MissionId, NetworkId, ProviderId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
-from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.row import changing_columns, new_row, read_record
+from skyway_composition.missions.mission.record import (
+    MissionRecord,
+    changing_columns,
+    new_row,
+    read_record,
+)
 from skyway_composition.missions.mission.share_views import mission_for
 from skyway_composition.tables import (
     cancellations,

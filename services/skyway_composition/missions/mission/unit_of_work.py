@@ -20,8 +20,7 @@ from skyway.runtime.sql.database import Tx
 from skyway.runtime.tracing import in_trace_of
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition import alarm_store
-from skyway_composition.calendar.commit import lock_as_seen
-from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.commit import Snapshot, lock_as_seen
 from skyway_composition.calendar.store import raise_versions
 from skyway_composition.context import Context
 from skyway_composition.links.courier import Courier

@@ -8,20 +8,22 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from skyway.contracts.flight_step import PickUpStep
 from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import NoTrip
 from skyway_composition.closures.closure import Closure
 from skyway_composition.context import Context
 from skyway_composition.margins import HAND_OVER
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
-from skyway_composition.missions.replanning.apply_outcome import MOST_REVISIONS, refusal_code
 from skyway_composition.missions.replanning.case import Case, planning_obstacle, trouble_of
 from skyway_composition.missions.replanning.felt_wind import felt_margin
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
 from skyway_composition.missions.replanning.situation import Situation
-from skyway_composition.planning.closed_ahead import ClosedAhead
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import ClosedAhead, World
+
+#: After this many revisions a mission gets no further plan. Our own choice.
+MOST_REVISIONS: Final = 40
 
 #: How often, at most, a plan is made again with a larger energy margin. Our own choice.
 _MOST_MARGINS: Final = 3
@@ -227,3 +229,15 @@ class PlanFinder:
         self, case: Case, *, closed: ClosedAhead, before_step: int | None = None
     ) -> Anchor | None:
         return case.anchor(closed=closed, clock=self.context.clock, before_step=before_step)
+
+
+def refusal_code(situation: Situation, trouble: Trouble, *, code: str) -> str:
+    """Why no plan is flown: MASS_MISMATCH if the loaded masses differ, else the planner's code."""
+    planned = {
+        package.package_id: package.mass_kg
+        for step in situation.planned
+        if isinstance(step, PickUpStep)
+        for package in step.packages
+    }
+    loaded = {each.package_id: each.mass_kg for each in trouble.loaded or ()}
+    return "MASS_MISMATCH" if loaded and loaded != planned else code

@@ -37,8 +37,7 @@ from skyway_composition.missions.replanning.outlook import (
     packages_of,
 )
 from skyway_composition.missions.replanning.prediction import Load, predict
-from skyway_composition.missions.replanning.propose import Revision
-from skyway_composition.missions.replanning.revision import revision_of
+from skyway_composition.missions.replanning.propose import Revision, revision_of
 from skyway_composition.missions.replanning.situation import Situation, whereabouts
 
 #: Longest time to plan for a dry run, seconds of wall time. Our own choice.

@@ -25,13 +25,11 @@ from skyway_composition.missions.mission.standby import (
 from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.case import Case, may_be_planned
-from skyway_composition.missions.replanning.propose import Revision, propose
+from skyway_composition.missions.replanning.propose import Revision, propose, revision_of
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
-from skyway_composition.missions.replanning.revision import revision_of
 from skyway_composition.missions.replanning.situation import Situation, read_situation, whereabouts
-from skyway_composition.planning.closed_ahead import ClosedAhead
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import ClosedAhead, World
 
 log = logging.getLogger(__name__)
 

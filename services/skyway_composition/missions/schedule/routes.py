@@ -17,7 +17,7 @@ from skyway.runtime.http.paging import page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.closures.past_span import PastSpanQuery
+from skyway_composition.closures.routes import PastSpanQuery
 from skyway_composition.links.instruction_store import SentPlan, plans_sent
 from skyway_composition.links.store import link_to
 from skyway_composition.missions.mission.record import MissionRecord

@@ -9,8 +9,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.contracts.statistics import Span
 from skyway.ids import DroneId, MissionId, ProviderId
 from skyway.runtime.sql.in_list import in_list
-from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.row import read_record
+from skyway_composition.missions.mission.record import MissionRecord, read_record
 from skyway_composition.tables import is_open, mission_steps, missions
 
 _OPEN_OF_DRONE: Final = (

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-from skyway_composition.missions.queue.give_up_withdrawn import WithdrawnDrones
+from skyway_composition.missions.queue.keep_calendars import WithdrawnDrones
 
 from skyway.contracts.drones import OutOfServiceAnswer, OutOfServiceQuery
 from tests.composition.busy_world import BusyWorld

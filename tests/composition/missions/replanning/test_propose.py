@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 from skyway_composition.missions.mission.record import Trouble
-from skyway_composition.missions.mission.release_pads import pads_of
+from skyway_composition.missions.mission.standby import pads_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.request_plan import request_plan
+from skyway_composition.missions.replanning.check_plan import request_plan
 
 from skyway.contracts.flight_step import FlyStep, RechargeStep
 from skyway.ids import DroneId

@@ -28,13 +28,11 @@ from skyway_composition.margins import HAND_OVER, JOINS
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import NearPickup, Share, flight_id
 from skyway_composition.missions.queue.dispatching import store
-from skyway_composition.missions.queue.dispatching.adopt import BetterOrder
-from skyway_composition.missions.queue.dispatching.find_order import free_to_take_off
+from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, JoinedTrip
+from skyway_composition.missions.queue.dispatching.dispatch import free_to_take_off
 from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments, fleet_of
-from skyway_composition.missions.queue.dispatching.join_host import JoinedTrip
-from skyway_composition.missions.queue.dispatching.judgement import judge
 from skyway_composition.missions.queue.dispatching.merger import Guest, carrying
-from skyway_composition.missions.queue.dispatching.plan_orders import plan_orders
+from skyway_composition.missions.queue.dispatching.plan_orders import judge, plan_orders
 from skyway_composition.missions.queue.plan_queue import latest_ms
 from skyway_composition.planning.offer import Offer, Offers
 from skyway_composition.planning.world import World

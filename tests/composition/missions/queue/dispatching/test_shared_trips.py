@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from skyway_composition.context import Context
 from skyway_composition.live.live_store import missions_with_steps, open_missions
 from skyway_composition.live.present import live_missions
-from skyway_composition.missions.booking.shared_trip import SharedTrip
+from skyway_composition.missions.booking.book import SharedTrip
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import mission_of, missions_seen, own_fields
