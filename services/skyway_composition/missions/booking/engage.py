@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.mission import Booking, Mission
 from skyway.ids import DeliveryId, DroneId, HoldId, MissionId
 from skyway.runtime.clock import FleetClock
@@ -26,18 +25,15 @@ from skyway_composition.missions.booking.hold_store import (
 from skyway_composition.missions.booking.store import claim_in_one_statement, missions_of
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
-    Custodian,
-    Held,
-    begin_custody,
+    begin_at_pickup,
     held_packages,
 )
 from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps, new_mission
 from skyway_composition.missions.mission.instruct import mission_draft
-from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
+from skyway_composition.missions.mission.record import PlannedIn
 from skyway_composition.missions.mission.standby import end_standby_before, restore_pads
 from skyway_composition.missions.mission.step_store import add_steps
 from skyway_composition.missions.mission.unit_of_work import free_from, report_in
-from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.pads.store import give_way, lock_stations, pads_of_queued, reserve
 from skyway_composition.planning.availability import send_ahead_ms
 from skyway_composition.planning.offer import Offer, Part
@@ -106,7 +102,13 @@ async def engage(
         for record in records
     ]
     steps = [
-        _steps_of(record, part, skyway) for record, part in zip(records, offer.parts, strict=True)
+        flight_steps(
+            skyway.network,
+            list(part.trip.steps()),
+            terms=StepTerms.of(record, skyway.settings),
+            first_step=1,
+        )
+        for record, part in zip(records, offer.parts, strict=True)
     ]
     for record, own in zip(records, steps, strict=True):
         store.add(tx, record, next_end_ms=moment_to_ms(own[0].planned_end_at))
@@ -115,7 +117,10 @@ async def engage(
         for record, part in zip(records, offer.parts, strict=True)
     }
     reserve(tx, by_mission)
-    await _begin_custody(tx, records)
+    held = await held_packages(tx.connection, delivery_id) if attempt > 1 else {}
+    for record in records:
+        ids = [each.package_id for each in record.request.packages]
+        begin_at_pickup(tx, record, [each for each in ids if each not in held])
     for record, own in zip(records, steps, strict=True):
         add_steps(tx, record.mission_id, own)
         if record.drone_id not in places:
@@ -135,29 +140,6 @@ async def _needed_pads(tx: Tx, part: Part) -> Sequence[BookedPad]:
         return part.trip.booked_pads
     queued = await pads_of_queued(tx.connection, part.candidate.drone_id)
     return without(part.trip.booked_pads, queued)
-
-
-def _steps_of(record: MissionRecord, part: Part, skyway: PreparedNetwork) -> tuple[FlightStep, ...]:
-    return flight_steps(
-        skyway.network,
-        list(part.trip.steps()),
-        terms=StepTerms.of(record, skyway.settings),
-        first_step=1,
-    )
-
-
-async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
-    """Note that the pickup station holds the packages, unless an earlier attempt did so."""
-    first = records[0].mission
-    held = await held_packages(tx.connection, first.delivery_id) if first.attempt > 1 else {}
-    for record in records:
-        station = Custodian("STATION", record.request.pickup.station_id)
-        rows = [
-            Held(package.package_id, 1, station)
-            for package in record.request.packages
-            if package.package_id not in held
-        ]
-        begin_custody(tx, record, rows, at_ms=moment_to_ms(record.mission.start_at))
 
 
 async def claim(

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 
 from skyway.contracts.mission import Cancellation, CancelMissions
 from skyway.delivery.request import DeliveryRequest
@@ -13,7 +13,6 @@ from skyway_composition.context import Context
 from skyway_composition.missions.interventions.stop_packages import release_queued, stop_packages
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import has_never_left, held_packages
-from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import flying_ids, own_ids, serves
 from skyway_composition.missions.mission.store import lock_delivery, queued_of_delivery
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
@@ -99,14 +98,20 @@ class Cancellations:
             done = await stop_packages(
                 work, record, flown_ids, code=CANCELLED, reason=requested.reason
             )
-            stopped.append(_as_requested(done, record, delivery_id))
+            own = partial(own_ids, record, delivery_id)
+            stopped.append(
+                Cancellation(
+                    released=own(done.released),
+                    returning=own(done.returning),
+                    too_late=own(done.too_late),
+                )
+            )
         for record in queued:
             flown_ids = flying_ids(record, delivery_id, package_ids)
             released = await release_queued(
                 work, record, flown_ids, code=CANCELLED, reason=requested.reason
             )
-            done = Cancellation(released=released)
-            stopped.append(_as_requested(done, record, delivery_id))
+            stopped.append(Cancellation(released=own_ids(record, delivery_id, released)))
         # Packages without a live mission: never left the pickup (True), or too late (False).
         others: dict[bool, list[PackageId]] = {True: [], False: []}
         for each in package_ids:
@@ -118,17 +123,6 @@ class Cancellations:
 
 def _requested(request: DeliveryRequest) -> Iterator[PackageId]:
     return (each.package_id for each in request.packages)
-
-
-def _as_requested(
-    done: Cancellation, record: MissionRecord, delivery_id: DeliveryId
-) -> Cancellation:
-    """The answer with the customer's ids of the packages."""
-    return Cancellation(
-        released=own_ids(record, delivery_id, done.released),
-        returning=own_ids(record, delivery_id, done.returning),
-        too_late=own_ids(record, delivery_id, done.too_late),
-    )
 
 
 def _together(parts: Iterable[Cancellation]) -> Cancellation:

@@ -15,6 +15,7 @@ from skyway.contracts.mission import PackageEta
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.margins import REPORT_ARRIVES
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
+from skyway_composition.missions.mission.store import save_troubles
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.felt_wind import air_ahead, first_flights
 from skyway_composition.missions.replanning.prediction import Load, PredictedStep, predict
@@ -25,7 +26,7 @@ from skyway_composition.missions.replanning.situation import (
     waits_for_pad,
     whereabouts,
 )
-from skyway_composition.missions.replanning.store import plan_now, save_troubles
+from skyway_composition.missions.replanning.store import plan_now
 from skyway_composition.planning.problem_for import used_more, with_margin
 from skyway_composition.planning.world import ClosedAhead
 

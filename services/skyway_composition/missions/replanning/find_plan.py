@@ -14,12 +14,12 @@ from skyway.scheduling.trip import NoTrip
 from skyway_composition.closures.closure import Closure
 from skyway_composition.context import Context
 from skyway_composition.margins import HAND_OVER
-from skyway_composition.missions.mission.record import MissionRecord, Trouble
+from skyway_composition.missions.mission.record import Trouble
 from skyway_composition.missions.replanning.case import Case, planning_obstacle, trouble_of
 from skyway_composition.missions.replanning.felt_wind import felt_margin
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
-from skyway_composition.missions.replanning.situation import Situation
+from skyway_composition.missions.replanning.situation import NextMissions, Situation
 from skyway_composition.planning.world import ClosedAhead, World
 
 #: After this many revisions a mission gets no further plan. Our own choice.
@@ -92,7 +92,7 @@ class PlanFinder:
         situation: Situation,
         *,
         sent_revisions: int,
-        queued: Sequence[MissionRecord],
+        queued: NextMissions,
         supposed: Sequence[Closure] = (),
     ) -> Found:
         """What becomes of this mission; `queued` are the drone's next missions.
@@ -106,7 +106,14 @@ class PlanFinder:
             return NoPlanYet(obstacle)
         if sent_revisions >= MOST_REVISIONS:
             return NoMorePlans(trouble)
-        world = await self._world(record, queued, supposed)
+        # The pads of this drone's missions count as free.
+        world = await World.of(
+            await self.context.networks.current(record.network_id),
+            self.context.db,
+            after_ms=self.context.now_ms,
+            without=[record.mission_id, *queued.ids],
+            supposed=supposed,
+        )
         world = world.for_drone(record.candidate.learned)
         # Reads the weather of the model here, since this may take a while.
         await world.weather(situation.model, self.context.now_ms)
@@ -115,7 +122,9 @@ class PlanFinder:
         anchor = self._anchor(case, closed=closed)
         if anchor is None:
             return NoPlanYet("START_UNKNOWN")
-        ready = None if not queued else self._ready_for(queued[0])
+        ready = queued.start
+        if ready is not None:
+            ready = replace(ready, at_ms=ready.at_ms - HAND_OVER.ms(self.context.clock))
         if case.waits_for_operator:
             if not anchor.is_divert:
                 return NoPlanYet("HELD")
@@ -209,21 +218,6 @@ class PlanFinder:
             return NewPlan(case, anchor, planner.leave_here(anchor, code=reason.code))
         code = refusal_code(case.situation, case.trouble, code=reason.code)
         return NoPlan(code, reason.detail)
-
-    async def _world(
-        self, record: MissionRecord, queued: Sequence[MissionRecord], supposed: Sequence[Closure]
-    ) -> World:
-        """The present world, in which the pads of this drone's missions count as free."""
-        skyway = await self.context.networks.current(record.network_id)
-        own = [record.mission_id, *(each.mission_id for each in queued)]
-        return await World.of(
-            skyway, self.context.db, after_ms=self.context.now_ms, without=own, supposed=supposed
-        )
-
-    def _ready_for(self, following: MissionRecord) -> Slot:
-        """Where, when and with what charge the drone must be ready for its next mission."""
-        start = following.start
-        return Slot(start.station_id, start.at_ms - HAND_OVER.ms(self.context.clock), start.soc)
 
     def _anchor(
         self, case: Case, *, closed: ClosedAhead, before_step: int | None = None

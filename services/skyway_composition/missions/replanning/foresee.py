@@ -15,7 +15,6 @@ from skyway_composition.closures.closure import Closure, ForeseenPlan
 from skyway_composition.context import Context
 from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.missions.mission.instruct import is_being_called_off
-from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.case import outage_of, trouble_of
 from skyway_composition.missions.replanning.find_plan import (
@@ -38,7 +37,7 @@ from skyway_composition.missions.replanning.outlook import (
 )
 from skyway_composition.missions.replanning.prediction import Load, predict
 from skyway_composition.missions.replanning.propose import Revision, revision_of
-from skyway_composition.missions.replanning.situation import Situation, whereabouts
+from skyway_composition.missions.replanning.situation import NextMissions, Situation, whereabouts
 
 #: Longest time to plan for a dry run, seconds of wall time. Our own choice.
 LONGEST_S: Final = 10.0
@@ -49,7 +48,7 @@ _PlanAndReason = tuple[ForeseenPlan, str | None, str | None]
 
 async def rehearsed(work: MissionUnitOfWork, before: Situation) -> Rehearsed:
     """The mission after the change that this transaction has made, and `before` it."""
-    record, connection = before.record, work.tx.connection
+    record = before.record
     after = work.missions.get(record.drone_id)
     is_live = after is not None and after.mission_id == record.mission_id
     held = record.own(await work.custody.held_on(record))
@@ -61,7 +60,7 @@ async def rehearsed(work: MissionUnitOfWork, before: Situation) -> Rehearsed:
         sent_revisions=max(
             record.mission.revision, await last_revision(work.tx, record.mission_id)
         ),
-        queued=await queued_of_drone(connection, record.drone_id),
+        queued=await NextMissions.read(work.tx, record.drone_id),
     )
 
 

@@ -84,7 +84,7 @@ class StandbyRequests:
             return None
         situation, sent, queued = seen
         record = situation.record
-        is_same = record.mission_id == standby.mission_id and not queued and record.stays
+        is_same = record.mission_id == standby.mission_id and not queued.ids and record.stays
         if not is_same or sent >= _MOST_REVISIONS or not may_be_planned(situation, _WHY):
             return None
         skyway = await self.context.networks.current(record.network_id)

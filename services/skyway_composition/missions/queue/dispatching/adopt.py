@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 from skyway.contracts.mission import Mission
 from skyway.ids import DroneId, MissionId, ProviderId
 from skyway.runtime.sql.database import Tx
-from skyway.units import moment_to_ms
 from skyway_composition.calendar.commit import Snapshot, WorldChanged
 from skyway_composition.context import Context
-from skyway_composition.missions.mission.custody_store import Custodian, Held, begin_custody
+from skyway_composition.missions.mission.custody_store import begin_at_pickup
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import Share
 from skyway_composition.missions.mission.share_views import mission_of
@@ -182,7 +181,5 @@ class JoinedTrip:
         await save_request(tx, record)
         await store.save_promises(tx, record)
         store.add_guest(tx, record, self.guest)
-        pickup = Custodian("STATION", record.request.pickup.station_id)
-        rows = [Held(each, 1, pickup) for each in self.guest.packages]
-        begin_custody(tx, record, rows, at_ms=moment_to_ms(record.mission.start_at))
+        begin_at_pickup(tx, record, self.guest.packages)
         return mission_of(record, self.guest)
