@@ -22,7 +22,7 @@ from skyway_composition.gauge_store import OPEN_ROWS
 from skyway_composition.links.listening import Listening
 from skyway_composition.links.registered_keys import RegisteredKeys
 from skyway_composition.missions.booking.book import Bookings
-from skyway_composition.missions.booking.keep_offer import HeldQuotes, OfferKeeper
+from skyway_composition.missions.booking.keep_offer import OfferKeeper, Quotes
 from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.missions.following.follow import ReportHandler
@@ -42,7 +42,6 @@ from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.service_status import CountDrones, count_drones_at
 from skyway_composition.own_cells import OwnCells
 from skyway_composition.planning.no_show_store import NoShows
-from skyway_composition.planning.plan_offers import Quotes
 from skyway_composition.planning.routes import StrategyRights
 from skyway_composition.planning.solver_pool import ReadingTurn, SolverPool
 from skyway_composition.quarantine.set_aside import Quarantine
@@ -95,11 +94,9 @@ class Parts(Context):
         return Bookings(self, turns=self.turns, shared=shared)
 
     @property
-    def quotes(self) -> HeldQuotes:
+    def quotes(self) -> Quotes:
         """Answers requests for quotes."""
-        rounds = self.bookings.rounds
-        quotes = Quotes(self.db, self.networks, self.inquiries, self.clock, rounds.engaged)
-        return HeldQuotes(self, quotes, rounds)
+        return Quotes(self.planning_with(self.inquiries))
 
     @property
     def keeper(self) -> OfferKeeper:

@@ -18,7 +18,7 @@ from skyway.runtime.replicas.membership import LeaderStep
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer
 from skyway_composition.missions.following.follow import Follower, GainedDrones
 from skyway_composition.missions.queue.keep_calendars import Calendars, WithdrawnDrones
-from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
+from skyway_composition.missions.replanning.replan import Replanner
 from skyway_composition.missions.timeouts import (
     LateMissions,
     LoadingTimeouts,
@@ -76,8 +76,7 @@ class Work:
         )
         self._overdue = OverdueMissions(parts, self._listening)
         self._late = LateMissions(parts)
-        occupied = OccupiedPads(parts.closings)
-        self._replanner = Replanner(parts, self._membership.own_id, occupied)
+        self._replanner = Replanner(parts, self._membership.own_id, parts.closings)
         self._calendars = Calendars(parts, parts.dispatch_terms.tolerance_s)
         self._dispatcher = parts.dispatcher(clients["registry"])
         self._withdrawn = WithdrawnDrones(parts, clients["registry"])

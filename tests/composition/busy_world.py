@@ -22,7 +22,7 @@ from skyway_composition.missions.mission.store import MissionFilter, page
 from skyway_composition.missions.queue.dispatching.find_host import HostFinder
 from skyway_composition.missions.queue.keep_calendars import Calendars
 from skyway_composition.missions.replanning.foresee import Foresight
-from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
+from skyway_composition.missions.replanning.replan import Replanner
 from skyway_composition.missions.timeouts import (
     LateMissions,
     LoadingTimeouts,
@@ -150,8 +150,7 @@ class BusyWorld:
         listening = Listening(clock, lone_replica(db, clock))
         quarantine = Quarantine(db, clock=clock, mint=mint, listening=listening)
         self.handler = ReportHandler(context, quarantine)
-        occupied = OccupiedPads(self.closings)
-        self.replanner = Replanner(context, "hot", occupied)
+        self.replanner = Replanner(context, "hot", self.closings)
         self.sweeps = (
             LateMissions(context),
             LoadingTimeouts(context),

@@ -16,7 +16,7 @@ from skyway_composition.links.listening import Listening
 from skyway_composition.missions.following.follow import Follower, ReportHandler
 from skyway_composition.missions.queue.dispatching.dispatch import DispatchTerms
 from skyway_composition.missions.queue.keep_calendars import Calendars
-from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
+from skyway_composition.missions.replanning.replan import Replanner
 from skyway_composition.missions.timeouts import LateMissions, OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.own_cells import OwnCells
@@ -330,8 +330,7 @@ async def unpublished(
             )
             overdue = OverdueMissions(parts, listening)
             late = LateMissions(parts)
-            occupied = OccupiedPads(parts.closings)
-            replanner = Replanner(parts, "test", occupied)
+            replanner = Replanner(parts, "test", parts.closings)
             calendars = Calendars(parts, tolerance_s=60.0)
             whole = Composition(
                 client,

@@ -1,20 +1,14 @@
-"""Plan offers: compose, price and rank, and collect why other providers make no offer.
-
-`Quotes` answers with the offers that each provider would make now, without reserving anything.
-"""
+"""Plan offers: compose, price and rank, and collect why other providers make no offer."""
 
 import asyncio
 import math
 from collections.abc import (
     AsyncIterator,
-    Awaitable,
-    Callable,
-    Collection,
     Iterable,
     Mapping,
     Sequence,
 )
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import timedelta
 from typing import Any, Final
 
@@ -22,28 +16,19 @@ import numpy as np
 
 from skyway.contracts.candidate import Candidate, Possible, ProviderReason
 from skyway.contracts.message import utc_text
-from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.contracts.shortlist import Shortlist
-from skyway.delivery.offer import BestValues, rank_offers
+from skyway.delivery.offer import rank_offers
 from skyway.delivery.request import DeliveryRequest, Package
 from skyway.ids import DroneId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.sql.database import Database
 from skyway.scheduling.trip import NoTrip, Trip
-from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.availability import Availability, BookedMission, start_ms
+from skyway.units import ms_to_moment
+from skyway_composition.planning.availability import Availability
 from skyway_composition.planning.contest import Contest
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.lower_bounds import LowerBounds
-from skyway_composition.planning.offer import Limits, Offer, Offers, Part, terms_of
-from skyway_composition.planning.refusals import Refusals, fit_among, refused_for_all
-from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.offer import Limits, Offer, Offers, Part
+from skyway_composition.planning.refusals import Refusals, fit_among
 from skyway_composition.planning.split import carrying_all, split_offers
-from skyway_composition.planning.world import World
-
-#: Finds the missions in the calendars of these drones.
-BookedMissions = Callable[[Collection[DroneId]], Awaitable[Sequence[BookedMission]]]
 
 
 async def plan_offers(
@@ -249,69 +234,6 @@ def _refuse_overweight(refusals: Refusals, shortlist: Shortlist, request: Delive
                 mass_kg=payload_kg,
                 limit_kg=limit_kg,
             )
-
-
-@dataclass(frozen=True, slots=True)
-class Quotes:
-    """Answers requests for quotes."""
-
-    db: Database
-    networks: PreparedNetworks
-    solver: SolverPool
-    clock: FleetClock
-    booked_missions: BookedMissions
-
-    async def answer(self, query: QuoteQuery) -> QuoteAnswer:
-        """The best offer of each provider, best first, and why the others make no offer."""
-        pickup = query.request.pickup.station_id
-        after_ms = moment_to_ms(self.clock.now())
-        world = await World.around(pickup, self.networks, db=self.db, after_ms=after_ms)
-        if world is None:
-            return await self.pickup_unknown(query)
-        begins_ms = start_ms(self.clock, earliest_at=query.request.begins_after)
-        booked = await self.booked_missions(query.shortlist.drone_ids)
-        offers = await self.plan(query, world, booked, begins_ms=begins_ms)
-        return answer_of(query, world, offers)
-
-    async def pickup_unknown(self, query: QuoteQuery) -> QuoteAnswer:
-        """The answer when no network has the pickup station."""
-        detail = await self.networks.why_missing(query.request.pickup.station_id)
-        reasons = refused_for_all(query.shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail)
-        return QuoteAnswer(offers=(), infeasible=tuple(reasons))
-
-    async def plan(
-        self,
-        query: QuoteQuery,
-        world: World,
-        booked: Sequence[BookedMission],
-        *,
-        begins_ms: int,
-    ) -> Offers:
-        """The best offer of each provider for missions that begin at `begins_ms` or later."""
-        limits = Limits.of_whole(query.request.qos)
-        return await best_of_each(
-            TripFinder(self.solver, world, begins_ms, limits.latest_ms),
-            query.request,
-            shortlist=query.shortlist,
-            available=Availability.of(booked, begins_ms=begins_ms, clock=self.clock),
-            gaps=[*Availability.in_gaps(booked, begins_ms=begins_ms, clock=self.clock)],
-            limits=limits,
-        )
-
-
-def answer_of(query: QuoteQuery, world: World, offers: Offers, *, held: int = 0) -> QuoteAnswer:
-    """The answer with these offers, of which the first `held` are held."""
-    if not offers.ranked:
-        return QuoteAnswer(offers=(), infeasible=offers.reasons)
-    best = BestValues.of(offer.values for offer in offers.ranked)
-    weights = query.request.qos.ranking
-    terms = [terms_of(each, best=best, weights=weights, world=world) for each in offers.ranked]
-    return QuoteAnswer(
-        offers=tuple(
-            each.model_copy(update={"is_held": number < held}) for number, each in enumerate(terms)
-        ),
-        infeasible=offers.reasons,
-    )
 
 
 #: Of requests with more packages, the packages are not tried alone. Our own choice.

@@ -176,7 +176,6 @@ class WaySearch:
     """Clears the way of one booking; drones are asked once."""
 
     context: Context
-    requests: StandbyRequests
     pause: Pause = asyncio.sleep
     _has_asked: bool = False
     _searches: int = 0
@@ -223,7 +222,8 @@ class WaySearch:
     ) -> ClearedWay | None:
         """Ask these drones one after the other, and wait for their answers."""
         self._has_asked = True
-        asked = [each.mission_id for each in standbys if await self.requests.ask(each, needed)]
+        requests = StandbyRequests(self.context)
+        asked = [each.mission_id for each in standbys if await requests.ask(each, needed)]
         if not asked:
             return None
         for _ in range(round(_ANSWERS_WITHIN_S / _LOOKS_EVERY_S)):

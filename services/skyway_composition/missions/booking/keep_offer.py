@@ -24,6 +24,7 @@ from skyway.contracts.quote import (
     QuoteAnswer,
     QuoteQuery,
 )
+from skyway.delivery.offer import BestValues
 from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.ids import DeliveryId, DroneId, HoldId
 from skyway.runtime.errors import Conflict, RowRefused
@@ -51,13 +52,15 @@ from skyway_composition.missions.booking.hold_store import (
 )
 from skyway_composition.missions.booking.outcome import with_hold_loss
 from skyway_composition.missions.booking.rounds import FoundOffer, Rounds
-from skyway_composition.missions.booking.store import FirstLook, first_look
+from skyway_composition.missions.booking.store import FirstLook, first_look, seen_calendars
 from skyway_composition.missions.booking.turns import AskingOrder, Turns
 from skyway_composition.networks.store import Present
 from skyway_composition.pads.store import lock_stations
-from skyway_composition.planning.availability import start_ms
-from skyway_composition.planning.offer import Offers
-from skyway_composition.planning.plan_offers import Quotes, answer_of
+from skyway_composition.planning.availability import Availability, start_ms
+from skyway_composition.planning.find_trip import TripFinder
+from skyway_composition.planning.offer import Limits, Offers, terms_of
+from skyway_composition.planning.plan_offers import best_of_each
+from skyway_composition.planning.refusals import refused_for_all
 from skyway_composition.planning.world import World
 
 #: At most this many offers of a quote are held, the best first. Our own choice.
@@ -68,12 +71,34 @@ _MOST_ROUNDS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
-class HeldQuotes:
+class _Planned:
+    """What providers would offer now, and what it was planned with."""
+
+    world: World
+    calendars: Mapping[DroneId, int]
+    offers: Offers
+
+    def answer(self, query: QuoteQuery, *, held: int = 0) -> QuoteAnswer:
+        """The answer with these offers, of which the first `held` are held."""
+        ranked, weights = self.offers.ranked, query.request.qos.ranking
+        if not ranked:
+            return QuoteAnswer(offers=(), infeasible=self.offers.reasons)
+        best = BestValues.of(offer.values for offer in ranked)
+        terms = [terms_of(each, best=best, weights=weights, world=self.world) for each in ranked]
+        return QuoteAnswer(
+            offers=tuple(
+                each.model_copy(update={"is_held": number < held})
+                for number, each in enumerate(terms)
+            ),
+            infeasible=self.offers.reasons,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Quotes:
     """Answers requests for quotes, with and without a hold."""
 
     context: Context
-    quotes: Quotes
-    rounds: Rounds
 
     async def answer(self, query: QuoteQuery) -> QuoteAnswer:
         """The best offer of each provider, best first, and why the others make no offer.
@@ -83,47 +108,68 @@ class HeldQuotes:
         Conflict
             TOO_MANY_HOLDS: the customer holds as many quotes as it may.
         """
-        if query.hold is None:
-            return await self.quotes.answer(query)
-        for _ in range(_MOST_ROUNDS):
-            await delete_expired(self.context.db, now_ms=self.context.now_ms)
-            async with self.context.db.read() as connection:
-                self._free_slot(await slots_of(connection, query.hold.customer_id), query.hold)
-            answer = await self._hold_in_round(query, query.hold)
-            if answer is not None:
-                return answer
-        return await self.quotes.answer(query)
+        if query.hold is not None:
+            for _ in range(_MOST_ROUNDS):
+                answer = await self._hold_in_round(query, query.hold)
+                if answer is not None:
+                    return answer
+        planned = await self._plan(query, life_s=0.0)
+        return planned.answer(query) if isinstance(planned, _Planned) else planned
+
+    async def _plan(self, query: QuoteQuery, *, life_s: float) -> _Planned | QuoteAnswer:
+        """The best offer of each provider that begins after `life_s` seconds of wall time.
+
+        When no network has the pickup station, it is the answer that says so.
+        """
+        context, request, shortlist = self.context, query.request, query.shortlist
+        pickup = request.pickup.station_id
+        world = await World.around(pickup, context.networks, db=context.db, after_ms=context.now_ms)
+        if world is None:
+            detail = await context.networks.why_missing(pickup)
+            reasons = refused_for_all(shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail)
+            return QuoteAnswer(offers=(), infeasible=tuple(reasons))
+        begins_ms = max(
+            start_ms(context.clock, earliest_at=request.begins_after),
+            start_ms(context.clock, earliest_at=None) + self._fleet_ms(life_s),
+        )
+        async with context.db.read() as connection:
+            now_ms = context.now_ms
+            calendars = await seen_calendars(connection, shortlist.drone_ids, now_ms=now_ms)
+        limits, booked = Limits.of_whole(request.qos), calendars.missions
+        offers = await best_of_each(
+            TripFinder(context.solver, world, begins_ms, limits.latest_ms),
+            request,
+            shortlist=shortlist,
+            available=Availability.of(booked, begins_ms=begins_ms, clock=context.clock),
+            gaps=[*Availability.in_gaps(booked, begins_ms=begins_ms, clock=context.clock)],
+            limits=limits,
+        )
+        return _Planned(world, calendars.versions, offers)
 
     async def _hold_in_round(self, query: QuoteQuery, terms: HoldTerms) -> QuoteAnswer | None:
         """The answer with held offers; None when another booking was faster."""
-        pickup = query.request.pickup.station_id
-        world = await World.around(
-            pickup, self.context.networks, db=self.context.db, after_ms=self.context.now_ms
-        )
-        if world is None:
-            return await self.quotes.pickup_unknown(query)
-        life = timedelta(seconds=terms.life_s)
-        held_until_at = self.context.clock.wall_now() + life
-        begins_ms = max(
-            start_ms(self.context.clock, earliest_at=query.request.begins_after),
-            start_ms(self.context.clock, earliest_at=None) + self._fleet_ms(terms.life_s),
-        )
-        calendars = await self.rounds.calendars(query.shortlist.drone_ids)
-        offers = await self.quotes.plan(query, world, calendars.missions, begins_ms=begins_ms)
-        if not offers.ranked:
-            return answer_of(query, world, offers)
+        await delete_expired(self.context.db, now_ms=self.context.now_ms)
+        async with self.context.db.read() as connection:
+            self._free_slot(await slots_of(connection, terms.customer_id), terms)
+        held_until_at = self.context.clock.wall_now() + timedelta(seconds=terms.life_s)
+        planned = await self._plan(query, life_s=terms.life_s)
+        if not isinstance(planned, _Planned):
+            return planned
+        first, present = planned.offers.ranked[:MOST_HELD_OFFERS], planned.world.present
+        if not first:
+            return planned.answer(query)
         until_ms = self.context.now_ms + self._fleet_ms(terms.life_s + HOLD_GRACE_S)
-        held = tuple(HeldOffer.of(each, world.present) for each in offers.ranked[:MOST_HELD_OFFERS])
+        held = tuple(HeldOffer.of(each, present) for each in first)
         try:
             async with self.context.db.write() as tx:
-                pads = await claim_for_hold(tx, held, world.present, calendars.versions)
+                pads = await claim_for_hold(tx, held, present, planned.calendars)
                 slots = await slots_of(tx.connection, terms.customer_id)
                 slot = self._free_slot(slots, terms)
                 hold = Hold(terms.hold_id, until_ms, held)
                 await add_hold(tx, hold, customer_id=terms.customer_id, slot=slot, pads=pads)
         except (RowRefused, WorldChanged):
             return None
-        answer = answer_of(query, world, offers, held=len(held))
+        answer = planned.answer(query, held=len(held))
         return answer.model_copy(update={"held_until_at": held_until_at})
 
     def _free_slot(self, slots: Mapping[int, int], terms: HoldTerms) -> int:

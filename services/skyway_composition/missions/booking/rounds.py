@@ -32,7 +32,6 @@ from skyway_composition.missions.booking.hold_store import delete_expired
 from skyway_composition.missions.booking.outcome import all_taken, pickup_unknown, without_offer
 from skyway_composition.missions.booking.store import FirstLook, SeenCalendars, seen_calendars
 from skyway_composition.missions.booking.turns import Turn
-from skyway_composition.missions.replanning.give_way import StandbyRequests
 from skyway_composition.planning.availability import Availability, BookedMission, start_ms
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.offer import Limits, Offer, Offers
@@ -126,7 +125,7 @@ class Rounds:
         """
         asked, own_hold = cause.asked, cause.own_hold
         reasons: tuple[ProviderReason, ...] = ()
-        search = self._search()
+        search = WaySearch(self.context, self.pause)
         for round_number in range(_MOST_ROUNDS):
             if round_number:
                 seen = await cause.look()
@@ -157,10 +156,6 @@ class Rounds:
         now_ms = self.context.now_ms
         async with self.context.db.read() as connection:
             return await seen_calendars(connection, drone_ids, now_ms=now_ms, own_hold=own_hold)
-
-    async def engaged(self, drone_ids: Collection[DroneId]) -> tuple[BookedMission, ...]:
-        """The missions of these drones, as `calendars` reads them."""
-        return (await self.calendars(drone_ids)).missions
 
     def _round(
         self,
@@ -289,10 +284,6 @@ class Rounds:
 
         world, begins_ms = this_round.world, this_round.begins_ms
         return await search.clear(Blocked(asked, world, begins_ms, this_round.limits, offers), plan)
-
-    def _search(self) -> WaySearch:
-        requests = StandbyRequests(self.context)
-        return WaySearch(self.context, requests, self.pause)
 
 
 def _count_conflict(by: str) -> None:

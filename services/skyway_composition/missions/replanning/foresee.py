@@ -102,7 +102,7 @@ class Foresight:
             return None
         outage = outage_of(after.record, now_ms=self.context.now_ms)
         closures = supposed if outage is None else (*supposed, outage)
-        found = await self._finder.find(
+        found = await PlanFinder(self.context).find(
             after,
             sent_revisions=seen.sent_revisions,
             queued=seen.queued,
@@ -117,7 +117,7 @@ class Foresight:
         later = replace(found.anchor, at_ms=max(found.anchor.at_ms, until_ms))
         if found.case.ground_stop(later) is not None:
             return found
-        return await self._finder.find_from(later, found.case, found.ready)
+        return await PlanFinder(self.context).find_from(later, found.case, found.ready)
 
     def _landing(
         self, seen: Rehearsed, found: Found | None, revision: Revision | None
@@ -140,10 +140,6 @@ class Foresight:
             if isinstance(each.step, FlyStep) and each.step.lands:
                 return PlannedLanding(station_id=each.step.to_id, at=ms_to_moment(each.end_ms))
         return None
-
-    @property
-    def _finder(self) -> PlanFinder:
-        return PlanFinder(self.context)
 
 
 def _revision(after: Situation, found: Found | None) -> Revision | None:

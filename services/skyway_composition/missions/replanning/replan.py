@@ -56,12 +56,70 @@ _RETRY_MS: Final = 2_000
 
 
 @dataclass(frozen=True, slots=True)
-class Outcomes:
-    """Applies the outcomes of planning for missions."""
+class Replanner:
+    """Finds new plans for missions that need one."""
 
     context: Context
+    claimant: str
+    closings: Closings
 
-    async def send_or_retry(self, case: Case, anchor: Anchor, remainder: Remainder) -> None:
+    async def step(self) -> bool:
+        """Plan for a few missions that need it; True when there may be more.
+
+        The missions are planned one by one. After an error a mission is planned again when its
+        claim is over.
+        """
+        drone_ids = await claim_stuck(self.context.db, self.context.clock, self.claimant)
+        ends = await asyncio.gather(*map(self.replan, drone_ids), return_exceptions=True)
+        failures = [each for each in ends if isinstance(each, Exception)]
+        if failures:
+            raise ExceptionGroup("missions not replanned", failures)
+        return bool(drone_ids)
+
+    async def replan(self, drone_id: DroneId) -> None:
+        """Give this drone's mission a new revision; without a plan, try again later or give up."""
+        seen = await read_situation(self.context, drone_id)
+        if seen is not None and seen[0].needs_pad_closed:
+            await self._close_pad(seen[0].record)
+            # Closing a pad changes missions, this one included.
+            seen = await read_situation(self.context, drone_id)
+        if seen is None:
+            return
+        situation, sent_revisions, queued = seen
+        finder = PlanFinder(self.context)
+        found = await finder.find(situation, sent_revisions=sent_revisions, queued=queued)
+        await self._apply(situation.record, found)
+
+    async def _apply(self, record: MissionRecord, found: Found) -> None:
+        match found:
+            case NewPlan():
+                await self._send_or_retry(found.case, found.anchor, found.remainder)
+            case NoPlanYet():
+                await self._retry_later(record)
+            case Grounded():
+                await self._hold(record, found.stop)
+            case NoDiversion():
+                await self._stop_diverting(found.case, found.reason)
+            case NoMorePlans():
+                await self._stop_trying(record, found.trouble)
+            case NoPlan():
+                await self._give_up(record, code=found.code, detail=found.detail)
+
+    async def _close_pad(self, record: MissionRecord) -> None:
+        """Close the pad that this mission's drone found occupied, unless it is closed already.
+
+        This needs its own transaction: closures lock a network before any drone.
+        """
+        outage = outage_of(record, now_ms=self.closings.now_ms)
+        if outage is None:
+            return
+        async with self.closings.db.read() as connection:
+            closed = await outages(connection, at_ms=outage.from_ms, station_id=outage.station_id)
+        if any(each.pad == outage.pad for each in closed):
+            return
+        await self.closings.make(outage)
+
+    async def _send_or_retry(self, case: Case, anchor: Anchor, remainder: Remainder) -> None:
         """Send this remainder of the mission; if a pad is reserved by now, plan again later."""
         try:
             async with self.context.db.write() as tx:
@@ -69,7 +127,7 @@ class Outcomes:
         except RowRefused as taken:
             mission_id = case.record.mission_id
             log.info("pad taken", extra={"mission_id": mission_id, "by": taken.constraint})
-            await self.retry_later(case.record)
+            await self._retry_later(case.record)
 
     async def _send(self, tx: Tx, case: Case, anchor: Anchor, remainder: Remainder) -> None:
         """Send this remainder of the mission, unless the world or the mission has changed."""
@@ -96,25 +154,25 @@ class Outcomes:
         else:
             await replace_plan(work, record, revision, trouble=case.trouble)
 
-    async def retry_later(self, record: MissionRecord) -> None:
+    async def _retry_later(self, record: MissionRecord) -> None:
         """Plan again a little later."""
         async with self.context.db.write() as tx:
             await put_off(tx, record.mission_id, until_wall_ms=self._retry_wall_ms)
 
-    async def hold(self, record: MissionRecord, stop: str) -> None:
+    async def _hold(self, record: MissionRecord, stop: str) -> None:
         """Keep the drone on the ground while a ground stop lasts, and plan again later."""
         async with self.context.db.write() as tx:
             work = await self._lock(record.drone_id, tx)
             current = work.missions.get(record.drone_id)
             if current is not None and current.mission_id == record.mission_id:
                 await _hold_for_stop(work, current, stop=stop)
-        await self.retry_later(record)
+        await self._retry_later(record)
 
-    async def stop_trying(self, record: MissionRecord, trouble: Trouble) -> None:
+    async def _stop_trying(self, record: MissionRecord, trouble: Trouble) -> None:
         """Make no more plans: a standing drone's mission ends, a flying drone flies on."""
         if record.stuck is not None:
             detail = f"{MOST_REVISIONS} revisions led nowhere; the last: {trouble.detail}"
-            await self.give_up(record, code=trouble.code, detail=detail)
+            await self._give_up(record, code=trouble.code, detail=detail)
             return
         async with self.context.db.write() as tx:
             work = await self._lock(record.drone_id, tx)
@@ -124,7 +182,7 @@ class Outcomes:
                 # Until another plan is requested.
                 await put_off(tx, record.mission_id, until_wall_ms=NEVER_MS)
 
-    async def stop_diverting(self, case: Case, reason: NoTrip) -> None:
+    async def _stop_diverting(self, case: Case, reason: NoTrip) -> None:
         """Leave the drone held, because it cannot reach the station of its diversion."""
         async with self.context.db.write() as tx:
             work = await self._lock_as_seen(case, tx)
@@ -133,7 +191,7 @@ class Outcomes:
                 await stop_diverting(work, record, reason=f"{reason.code}: {reason.detail}")
             await put_off(tx, case.record.mission_id, until_wall_ms=self._retry_wall_ms)
 
-    async def give_up(self, planned: MissionRecord, *, code: str, detail: str) -> None:
+    async def _give_up(self, planned: MissionRecord, *, code: str, detail: str) -> None:
         """End a mission for which no plan was found, if the drone still has this mission."""
         async with self.context.db.write() as tx:
             work = await self._lock(planned.drone_id, tx)
@@ -235,82 +293,3 @@ async def _raise_no_landing(work: MissionUnitOfWork, record: MissionRecord, anch
         station_id=anchor.station_id,
         data={"soc": anchor.soc},
     )
-
-
-@dataclass(frozen=True, slots=True)
-class OccupiedPads:
-    """Closes occupied pads; missions that have reserved them get other plans."""
-
-    closings: Closings
-
-    async def close(self, record: MissionRecord) -> None:
-        """Close the pad that this mission's drone found occupied, unless it is closed already.
-
-        This needs its own transaction: closures lock a network before any drone.
-        """
-        outage = outage_of(record, now_ms=self.closings.now_ms)
-        if outage is None:
-            return
-        async with self.closings.db.read() as connection:
-            closed = await outages(connection, at_ms=outage.from_ms, station_id=outage.station_id)
-        if any(each.pad == outage.pad for each in closed):
-            return
-        await self.closings.make(outage)
-
-
-@dataclass(frozen=True, slots=True)
-class Replanner:
-    """Finds new plans for missions that need one."""
-
-    context: Context
-    claimant: str
-    occupied: OccupiedPads
-
-    async def step(self) -> bool:
-        """Plan for a few missions that need it; True when there may be more.
-
-        The missions are planned one by one. After an error a mission is planned again when its
-        claim is over.
-        """
-        drone_ids = await claim_stuck(self.context.db, self.context.clock, self.claimant)
-        ends = await asyncio.gather(*map(self.replan, drone_ids), return_exceptions=True)
-        failures = [each for each in ends if isinstance(each, Exception)]
-        if failures:
-            raise ExceptionGroup("missions not replanned", failures)
-        return bool(drone_ids)
-
-    async def replan(self, drone_id: DroneId) -> None:
-        """Give this drone's mission a new revision; without a plan, try again later or give up."""
-        seen = await read_situation(self.context, drone_id)
-        if seen is not None and seen[0].needs_pad_closed:
-            await self.occupied.close(seen[0].record)
-            # Closing a pad changes missions, this one included.
-            seen = await read_situation(self.context, drone_id)
-        if seen is None:
-            return
-        situation, sent_revisions, queued = seen
-        found = await self._finder.find(situation, sent_revisions=sent_revisions, queued=queued)
-        await self._apply(situation.record, found)
-
-    async def _apply(self, record: MissionRecord, found: Found) -> None:
-        match found:
-            case NewPlan():
-                await self._outcomes.send_or_retry(found.case, found.anchor, found.remainder)
-            case NoPlanYet():
-                await self._outcomes.retry_later(record)
-            case Grounded():
-                await self._outcomes.hold(record, found.stop)
-            case NoDiversion():
-                await self._outcomes.stop_diverting(found.case, found.reason)
-            case NoMorePlans():
-                await self._outcomes.stop_trying(record, found.trouble)
-            case NoPlan():
-                await self._outcomes.give_up(record, code=found.code, detail=found.detail)
-
-    @property
-    def _finder(self) -> PlanFinder:
-        return PlanFinder(self.context)
-
-    @property
-    def _outcomes(self) -> Outcomes:
-        return Outcomes(self.context)
