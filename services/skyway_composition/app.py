@@ -31,28 +31,22 @@ from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarm_routes import alarm_routes, drone_alarm_routes
-from skyway_composition.closures.routes import area_routes, place_routes
-from skyway_composition.closures.span_routes import span_routes
+from skyway_composition.closures.routes import area_routes, place_routes, span_routes
 from skyway_composition.gauges import CompositionGauges
 from skyway_composition.links.renewal_routes import renewal_routes
 from skyway_composition.live.routes import live_routes
 from skyway_composition.missions.booking.routes import booking_routes
 from skyway_composition.missions.following.quarantine_routes import quarantine_routes
-from skyway_composition.missions.following.replay import Replays
-from skyway_composition.missions.interventions.cancel import Cancellations
-from skyway_composition.missions.interventions.confirm_loading import Loadings
-from skyway_composition.missions.interventions.give_command import Commands
-from skyway_composition.missions.interventions.preview_command import CommandPreviews
 from skyway_composition.missions.interventions.routes import intervention_routes
 from skyway_composition.missions.schedule.routes import schedule_routes
 from skyway_composition.missions.tracking_routes import tracking_routes
 from skyway_composition.networks.change_weather import WeatherChanges
 from skyway_composition.networks.routes import (
     network_routes,
+    service_status_routes,
+    weather_routes,
 )
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
-from skyway_composition.networks.status_routes import service_status_routes
-from skyway_composition.networks.weather_routes import weather_routes
 from skyway_composition.own_cells import OwnCells
 from skyway_composition.pads.routes import pad_routes
 from skyway_composition.parts import SERVICE, Parts, parts_of, registry_client
@@ -94,7 +88,6 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
     """The routes of all folders, on parts that the lifespan opens."""
     db, gate, clock, networks = parts.db, parts.gate, parts.clock, parts.networks
     problems = ProblemReader(db, networks, clock)
-    intervention_parts = (db, clock, parts.mint, parts.stuck)
     return create_app(
         service=SERVICE,
         title="Skyway composition",
@@ -146,10 +139,10 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             forget_routes(gate=gate, forgetting=Forgetting(db, clock)),
             intervention_routes(
                 gate=gate,
-                loadings=Loadings(*intervention_parts),
-                commands=Commands(*intervention_parts),
-                previews=CommandPreviews(db, clock, parts.mint, parts.foresight),
-                cancellations=Cancellations(*intervention_parts),
+                loadings=parts.loadings,
+                commands=parts.commands,
+                previews=parts.previews,
+                cancellations=parts.cancellations,
             ),
             place_routes(gate=gate, closings=parts.closings),
             area_routes(gate=gate, closings=parts.closings),
@@ -157,9 +150,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             alarm_routes(db=db, gate=gate, clock=clock),
             drone_alarm_routes(db=db, gate=gate, mint=parts.mint),
             renewal_routes(db=db, gate=gate),
-            quarantine_routes(
-                db=db, gate=gate, replays=Replays(db, clock, parts.handler, parts.keys)
-            ),
+            quarantine_routes(db=db, gate=gate, replays=parts.replays),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
             figures_routes(gate=gate, gauges=parts.gauges),
         ],

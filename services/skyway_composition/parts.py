@@ -4,38 +4,44 @@ import secrets
 from dataclasses import dataclass, field
 from typing import Final
 
-from skyway.runtime.clock import FleetClock, load_clock
+from skyway.runtime.clock import load_clock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import Gauges
-from skyway.runtime.minting import Mint, mint
+from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.replicas.membership import Membership
 from skyway.runtime.replicas.replica_store import ReplicaStore
 from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
 from skyway_composition.closures.close import Closings
+from skyway_composition.context import Context
 from skyway_composition.gauge_store import OPEN_ROWS
 from skyway_composition.links.listening import Listening
 from skyway_composition.links.registered_keys import RegisteredKeys
 from skyway_composition.missions.booking.book import Bookings
-from skyway_composition.missions.booking.hold_quote import HeldQuotes
-from skyway_composition.missions.booking.keep_offer import OfferKeeper
+from skyway_composition.missions.booking.keep_offer import OfferKeeper, Quotes
 from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.closure_impact.impact import MissionImpact
-from skyway_composition.missions.following.handle_batch import ReportHandler
-from skyway_composition.missions.queue.dispatching.dispatch import Dispatcher
+from skyway_composition.missions.following.follow import ReportHandler
+from skyway_composition.missions.following.quarantine_routes import Replays
+from skyway_composition.missions.interventions.cancel import Cancellations
+from skyway_composition.missions.interventions.confirm_loading import Loadings
+from skyway_composition.missions.interventions.give_command import CommandPreviews, Commands
+from skyway_composition.missions.queue.dispatching.dispatch import (
+    Dispatcher,
+    DispatchTerms,
+    OrderFinder,
+)
 from skyway_composition.missions.queue.dispatching.find_host import HostFinder
-from skyway_composition.missions.queue.dispatching.find_order import DispatchTerms, OrderFinder
 from skyway_composition.missions.queue.dispatching.search_process import SearchProcess
 from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.service_status import CountDrones, count_drones_at
 from skyway_composition.own_cells import OwnCells
-from skyway_composition.planning.no_shows import NoShows
-from skyway_composition.planning.plan_offers import Quotes
+from skyway_composition.planning.no_show_store import NoShows
 from skyway_composition.planning.routes import StrategyRights
 from skyway_composition.planning.solver_pool import ReadingTurn, SolverPool
 from skyway_composition.quarantine.set_aside import Quarantine
@@ -49,26 +55,18 @@ SERVICE: Final = "composition"
 _INLINE_LABELS: Final = 1_024
 
 
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """What the folders share; a `Wake` starts a loop when another part has work for it."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts(Context):
+    """The context of missions, and what else the folders share."""
 
-    db: Database
     membership: Membership
     gate: ServiceGate
     metrics_gate: MetricsGate
-    clock: FleetClock
-    mint: Mint
-    networks: PreparedNetworks
-    solver: SolverPool
     #: Composes quotes, so that no booking waits behind them.
     inquiries: SolverPool
     #: Composes the problems of POST /v1/compositions and of dry runs: no quote waits behind them.
     problems: SolverPool
     rights: StrategyRights
-    published: Wake
-    stuck: Wake
-    calendars: Wake
     listening: Listening
     quarantine: Quarantine
     keys: KeyBook
@@ -77,8 +75,8 @@ class Parts:
     own_cells: OwnCells
     count_drones: CountDrones
     dispatch_terms: DispatchTerms
-    #: Set when a better order may exist: after calendars were planned again, or closures changed.
-    dispatches: Wake = field(default_factory=Wake)
+    #: A network was published.
+    published: Wake = field(default_factory=Wake)
     search: SearchProcess = field(default_factory=SearchProcess)
     gauges: Gauges = field(default_factory=Gauges)
     turns: Turns = field(default_factory=Turns)
@@ -87,57 +85,58 @@ class Parts:
     @property
     def handler(self) -> ReportHandler:
         """Handles the messages of drones."""
-        return ReportHandler(
-            self.db,
-            clock=self.clock,
-            mint=self.mint,
-            stuck=self.stuck,
-            calendars=self.calendars,
-            quarantine=self.quarantine,
-        )
+        return ReportHandler(self, self.quarantine)
 
     @property
     def bookings(self) -> Bookings:
         """Books missions."""
-        return Bookings(
-            self.db,
-            self.networks,
-            self.solver,
-            self.clock,
-            self.mint,
-            self.calendars,
-            turns=self.turns,
-            shared=HostFinder(
-                self.db,
-                self.networks,
-                self.solver,
-                self.clock,
-                self.mint,
-                self.dispatch_terms.tolerance_s,
-            ),
-        )
+        shared = HostFinder(self, self.dispatch_terms.tolerance_s)
+        return Bookings(self, turns=self.turns, shared=shared)
 
     @property
-    def quotes(self) -> HeldQuotes:
+    def quotes(self) -> Quotes:
         """Answers requests for quotes."""
-        rounds = self.bookings.rounds
-        quotes = Quotes(self.db, self.networks, self.inquiries, self.clock, rounds.engaged)
-        return HeldQuotes(self.db, quotes, rounds, self.clock)
+        return Quotes(self.planning_with(self.inquiries))
 
     @property
     def keeper(self) -> OfferKeeper:
         """Keeps offers while they are accepted."""
-        return OfferKeeper(self.db, self.bookings.rounds, self.clock, self.turns)
+        return OfferKeeper(self, self.bookings.rounds, self.turns)
+
+    @property
+    def loadings(self) -> Loadings:
+        """Takes the confirmations of loaders."""
+        return Loadings(self)
+
+    @property
+    def commands(self) -> Commands:
+        """Carries out the commands of operators."""
+        return Commands(self)
+
+    @property
+    def previews(self) -> CommandPreviews:
+        """Previews commands."""
+        return CommandPreviews(self, self.foresight)
+
+    @property
+    def cancellations(self) -> Cancellations:
+        """Cancels packages."""
+        return Cancellations(self)
+
+    @property
+    def replays(self) -> Replays:
+        """Handles messages again that were set aside."""
+        return Replays(self, self.handler, self.keys)
 
     @property
     def impact(self) -> MissionImpact:
         """Marks missions for replanning that use what is closed or removed."""
-        return MissionImpact(self.clock, self.mint, self.stuck, self.foresight)
+        return MissionImpact(self, self.foresight)
 
     @property
     def foresight(self) -> Foresight:
         """Plans for dry runs, behind no booking and no quote."""
-        return Foresight(self.db, self.networks, self.problems, self.clock)
+        return Foresight(self.planning_with(self.problems))
 
     @property
     def closings(self) -> Closings:
@@ -146,16 +145,8 @@ class Parts:
 
     def dispatcher(self, registry: ServiceClient) -> Dispatcher:
         """Plans what waits in calendars again, all together."""
-        finder = OrderFinder(
-            self.db,
-            self.networks,
-            self.problems,
-            self.search,
-            registry,
-            self.clock,
-            self.dispatch_terms,
-        )
-        return Dispatcher(self.db, finder, self.clock, self.mint, self.calendars)
+        context = self.planning_with(self.problems)
+        return Dispatcher(self, OrderFinder(context, self.search, registry, self.dispatch_terms))
 
 
 def registry_client(settings: CompositionSettings) -> ServiceClient:
@@ -190,9 +181,6 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
         inquiries=_pool(settings, "quotes", inline_labels=0),
         problems=_pool(settings, "problems", inline_labels=0),
         rights=StrategyRights.read(settings.strategies),
-        published=Wake(),
-        stuck=Wake(),
-        calendars=Wake(),
         listening=listening,
         quarantine=quarantine,
         keys=keys,

@@ -17,9 +17,8 @@ from skyway.runtime.outbox.stream_sender import hint_pace
 from skyway.runtime.replicas.membership import LeaderStep
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer
 from skyway_composition.missions.following.follow import Follower, GainedDrones
-from skyway_composition.missions.queue.give_up_withdrawn import WithdrawnDrones
-from skyway_composition.missions.queue.keep_calendars import Calendars
-from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
+from skyway_composition.missions.queue.keep_calendars import Calendars, WithdrawnDrones
+from skyway_composition.missions.replanning.replan import Replanner
 from skyway_composition.missions.timeouts import (
     LateMissions,
     LoadingTimeouts,
@@ -75,27 +74,16 @@ class Work:
         self._gained = GainedDrones(
             self._handler, mqtt.subscribe_again, membership=self._membership, clock=clock
         )
-        self._overdue = OverdueMissions(db, clock, mint, self._listening)
-        self._late = LateMissions(db, parts.networks, clock, mint, parts.stuck)
-        self._replanner = Replanner(
-            db,
-            parts.networks,
-            parts.solver,
-            clock,
-            mint,
-            self._membership.own_id,
-            OccupiedPads(parts.closings),
-        )
-        tolerance_s = parts.dispatch_terms.tolerance_s
-        self._calendars = Calendars(
-            db, parts.networks, parts.solver, clock, mint, tolerance_s, parts.dispatches
-        )
+        self._overdue = OverdueMissions(parts, self._listening)
+        self._late = LateMissions(parts)
+        self._replanner = Replanner(parts, self._membership.own_id, parts.closings)
+        self._calendars = Calendars(parts, parts.dispatch_terms.tolerance_s)
         self._dispatcher = parts.dispatcher(clients["registry"])
-        self._withdrawn = WithdrawnDrones(db, clients["registry"], clock, mint)
-        self._loading_timeouts = LoadingTimeouts(db, parts.networks, clock, mint)
+        self._withdrawn = WithdrawnDrones(parts, clients["registry"])
+        self._loading_timeouts = LoadingTimeouts(parts)
         self._keeper = parts.keeper
-        self._ground_stops = GroundStopEnforcer(db, parts.closings, clock)
-        self._unknown = UnknownMissions(db, clock, mint)
+        self._ground_stops = GroundStopEnforcer(parts, parts.closings)
+        self._unknown = UnknownMissions(parts)
         self._measured_winds = MeasuredWinds(db, clock, parts.calendars)
         self._station_states = StationStates(db, mqtt, clock, mint, parts.own_cells)
         self._network_versions = NetworkVersions(db, mqtt, clock, mint, parts.own_cells)

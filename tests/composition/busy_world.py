@@ -9,10 +9,11 @@ from typing import Any, Self
 
 from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
+from skyway_composition.context import Context
 from skyway_composition.links.listening import Listening
 from skyway_composition.missions.booking.book import Bookings
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer, MissionImpact
-from skyway_composition.missions.following.handle_batch import ReportHandler
+from skyway_composition.missions.following.follow import ReportHandler
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Command, Commands
@@ -21,7 +22,7 @@ from skyway_composition.missions.mission.store import MissionFilter, page
 from skyway_composition.missions.queue.dispatching.find_host import HostFinder
 from skyway_composition.missions.queue.keep_calendars import Calendars
 from skyway_composition.missions.replanning.foresee import Foresight
-from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
+from skyway_composition.missions.replanning.replan import Replanner
 from skyway_composition.missions.timeouts import (
     LateMissions,
     LoadingTimeouts,
@@ -51,7 +52,6 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import ClosureId, DeliveryId, MissionId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import Conflict
-from skyway.runtime.loops import Wake
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
@@ -137,35 +137,30 @@ class BusyWorld:
 
     def restart(self) -> None:
         """Restart composition as after kill -9: new objects on the same database."""
-        db, clock, mint, stuck = self.db, self.clock, self.mint, Wake()
-        networks, parts = PreparedNetworks(db, clock), (db, clock, mint, stuck)
-        shared = HostFinder(db, networks, self.solver, clock, mint, tolerance_s=60.0)
-        self.bookings = Bookings(
-            db, networks, self.solver, clock, mint, Wake(), pause=self._pause, shared=shared
+        db, clock, mint, networks = self.db, self.clock, self.mint, self.networks()
+        self.context = context = Context(
+            db=db, clock=clock, mint=mint, networks=networks, solver=self.solver
         )
-        foresight = Foresight(db, networks, self.solver, clock)
-        impact = MissionImpact(clock, mint, stuck, foresight)
+        shared = HostFinder(context, tolerance_s=60.0)
+        self.bookings = Bookings(context, pause=self._pause, shared=shared)
+        impact = MissionImpact(context, Foresight(context))
         self.closings = Closings(db, networks, impact, clock, mint)
-        self.cancellations, self.commands = Cancellations(*parts), Commands(*parts)
-        self.loadings = Loadings(*parts)
+        self.cancellations, self.commands = Cancellations(context), Commands(context)
+        self.loadings = Loadings(context)
         listening = Listening(clock, lone_replica(db, clock))
-        self.handler = ReportHandler(
-            db,
-            clock=clock,
-            mint=mint,
-            stuck=stuck,
-            calendars=Wake(),
-            quarantine=Quarantine(db, clock=clock, mint=mint, listening=listening),
-        )
-        occupied = OccupiedPads(self.closings)
-        self.replanner = Replanner(db, networks, self.solver, clock, mint, "hot", occupied)
+        quarantine = Quarantine(db, clock=clock, mint=mint, listening=listening)
+        self.handler = ReportHandler(context, quarantine)
+        self.replanner = Replanner(context, "hot", self.closings)
         self.sweeps = (
-            LateMissions(db, networks, clock, mint, stuck),
-            LoadingTimeouts(db, networks, clock, mint),
-            GroundStopEnforcer(db, self.closings, clock),
-            OverdueMissions(db, clock, mint, listening),
+            LateMissions(context),
+            LoadingTimeouts(context),
+            GroundStopEnforcer(context, self.closings),
+            OverdueMissions(context, listening),
         )
-        self.calendars = Calendars(db, networks, self.solver, clock, mint, tolerance_s=60.0)
+        self.calendars = Calendars(context, tolerance_s=60.0)
+
+    def networks(self) -> PreparedNetworks:
+        return PreparedNetworks(self.db, self.clock)
 
     @property
     def now_ms(self) -> int:

@@ -13,16 +13,15 @@ import httpx
 import pytest
 from skyway_composition.app import composition_app
 from skyway_composition.links.listening import Listening
-from skyway_composition.missions.following.follow import Follower
-from skyway_composition.missions.following.handle_batch import ReportHandler
-from skyway_composition.missions.queue.dispatching.find_order import DispatchTerms
+from skyway_composition.missions.following.follow import Follower, ReportHandler
+from skyway_composition.missions.queue.dispatching.dispatch import DispatchTerms
 from skyway_composition.missions.queue.keep_calendars import Calendars
-from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
+from skyway_composition.missions.replanning.replan import Replanner
 from skyway_composition.missions.timeouts import LateMissions, OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.own_cells import OwnCells
 from skyway_composition.parts import Parts
-from skyway_composition.planning.no_shows import NoShows
+from skyway_composition.planning.no_show_store import NoShows
 from skyway_composition.planning.routes import StrategyRights
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.quarantine.set_aside import Quarantine
@@ -44,7 +43,6 @@ from skyway.ids import DroneModelId, NetworkId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.http.metrics_routes import MetricsGate
-from skyway.runtime.loops import Wake
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.sql.database import Database
@@ -307,9 +305,6 @@ async def unpublished(
             inquiries=inquiries,
             problems=problems,
             rights=StrategyRights.read("exact, heuristic"),
-            published=Wake(),
-            stuck=Wake(),
-            calendars=Wake(),
             listening=listening,
             quarantine=quarantine,
             keys=keys,
@@ -333,11 +328,10 @@ async def unpublished(
                 quarantine=parts.quarantine,
                 listening=listening,
             )
-            overdue = OverdueMissions(db, clock, mint, listening)
-            late = LateMissions(db, parts.networks, clock, mint, parts.stuck)
-            occupied = OccupiedPads(parts.closings)
-            replanner = Replanner(db, parts.networks, solver, clock, mint, "test", occupied)
-            calendars = Calendars(db, parts.networks, solver, clock, mint, tolerance_s=60.0)
+            overdue = OverdueMissions(parts, listening)
+            late = LateMissions(parts)
+            replanner = Replanner(parts, "test", parts.closings)
+            calendars = Calendars(parts, tolerance_s=60.0)
             whole = Composition(
                 client,
                 parts,

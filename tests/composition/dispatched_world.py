@@ -10,9 +10,12 @@ from typing import Any, Final
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import missions_seen, owner_of
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder
-from skyway_composition.missions.queue.dispatching.dispatch import Dispatcher
-from skyway_composition.missions.queue.dispatching.find_order import DispatchTerms, OrderFinder
-from skyway_composition.missions.queue.dispatching.judgement import ENERGY_S_PER_KWH
+from skyway_composition.missions.queue.dispatching.dispatch import (
+    Dispatcher,
+    DispatchTerms,
+    OrderFinder,
+)
+from skyway_composition.missions.queue.dispatching.plan_orders import ENERGY_S_PER_KWH
 from skyway_composition.missions.queue.dispatching.search_process import (
     FoundOrder,
     Search,
@@ -88,15 +91,12 @@ def dispatcher_of(
 ) -> Dispatcher:
     """A dispatcher on the world's database."""
     finder = OrderFinder(
-        world.db,
-        PreparedNetworks(world.db, world.clock),
-        world.solver,
+        world.context,
         OwnSearch() if search is None else search,
         RegistryInService(withdrawn, due),  # type: ignore[arg-type]
-        world.clock,
         DispatchTerms(every_s=10.0, budget_s=0.05, tolerance_s=tolerance_s),
     )
-    return Dispatcher(world.db, finder, world.clock, world.mint, Wake())
+    return Dispatcher(world.context, finder)
 
 
 #: An order that never stops changing would change more often than this.

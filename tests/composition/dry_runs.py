@@ -2,10 +2,8 @@
 
 from typing import Any
 
-from skyway_composition.missions.interventions.give_command import Command
-from skyway_composition.missions.interventions.preview_command import CommandPreviews
+from skyway_composition.missions.interventions.give_command import Command, CommandPreviews
 from skyway_composition.missions.replanning.foresee import Foresight
-from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.tables import metadata
 from sqlalchemy import select
 
@@ -26,10 +24,7 @@ async def all_rows(db: Database) -> dict[str, list[str]]:
 
 async def preview(world: BusyWorld, mission_id: MissionId, wish: dict[str, Any]) -> None:
     """Preview a command in a busy world, and check that this changes nothing."""
-    foresight = Foresight(
-        world.db, PreparedNetworks(world.db, world.clock), world.solver, world.clock
-    )
-    previews = CommandPreviews(world.db, world.clock, world.mint, foresight)
+    previews = CommandPreviews(world.context, Foresight(world.context))
     before = await all_rows(world.db)
     try:
         shown = await previews.preview(mission_id, Command.model_validate(wish))

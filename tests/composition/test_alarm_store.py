@@ -10,7 +10,7 @@ from typing import Any, Final
 import pytest
 from skyway_composition import alarm_store
 from skyway_composition.gauges import ALARM_CODES
-from skyway_composition.missions.mission.doubt import put_in_doubt
+from skyway_composition.missions.mission.end import put_in_doubt
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm
 
@@ -34,9 +34,7 @@ def codes_of_page(heading: str) -> set[str]:
 async def change(composition: Any, step: Callable[[MissionUnitOfWork, MissionRecord], Any]) -> None:
     """Do something with the drone's live mission in a transaction of its own."""
     async with composition.db.write() as tx:
-        work = await MissionUnitOfWork.lock(
-            [DRONE], tx=tx, clock=composition.clock, mint=composition.parts.mint
-        )
+        work = await MissionUnitOfWork.lock(composition.parts, tx, [DRONE])
         await step(work, work.missions[DRONE])
 
 

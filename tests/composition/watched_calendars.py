@@ -5,7 +5,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from skyway_composition.missions.mission.row import read_record
+from skyway_composition.missions.mission.record import read_record
 from skyway_composition.tables import drone_links, is_open, missions
 from sqlalchemy import select
 

@@ -1,17 +1,32 @@
-"""Locks what a plan depends on, in one order for all, and says whether it is still as planned.
+"""Locks what a plan was made with, in one order for all, and says whether it is still the same.
 
 Every transaction locks contended rows in this order: delivery, hold, network, drones, missions,
 stations.
 """
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.sql.database import Tx
-from skyway_composition.calendar.snapshot import Snapshot
-from skyway_composition.links.link import DroneLink
+from skyway_composition.links.link import AtStep, DroneLink
 from skyway_composition.links.store import lock_or_add_links
 from skyway_composition.networks.store import Present, share_current
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The state of a network, and the number of each drone's calendar, when a plan was made.
+
+    A calendar's number is raised whenever the plan of a mission of the drone changes, a mission
+    comes or leaves, a customer's hold on the drone begins or ends, or the drone becomes occupied
+    or free. A drone without a link has number 0. The numbers must be read before the missions, or
+    together with them. `at_steps` has drones whose plan depends on the step that they fly.
+    """
+
+    present: Present
+    calendars: Mapping[DroneId, int]
+    at_steps: Mapping[DroneId, AtStep] = field(default_factory=dict)
 
 
 class WorldChanged(Exception):

@@ -16,7 +16,7 @@ from skyway.units import ms_to_moment
 from skyway_composition.closures import store
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.network_weather import NetworkWeather
-from skyway_composition.closures.weather_store import ForecastKey, forecast_key, forecast_row
+from skyway_composition.closures.store import ForecastKey, forecast_key, forecast_row
 
 
 # Without slots, because what zones reach is computed on first use and cached.

@@ -1,16 +1,26 @@
-"""Closures over REST: of stations, pads, segments and zones, and ground stops."""
+"""Closures over REST: of stations, pads, segments and zones, and ground stops.
 
-from typing import Annotated
+All kinds together are read for a past or coming time.
+"""
+
+from datetime import datetime, timedelta
+from typing import Annotated, Final
 
 from fastapi import Depends, Path, Query, Response
+from pydantic import Field
 
+from skyway.bounds import EARLIEST
+from skyway.contracts.message import FleetMoment
+from skyway.contracts.statistics import Span, span_between
 from skyway.ids import ClosureId, StationId
+from skyway.json_model import QueryModel
 from skyway.network.network import MAX_PADS
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.answers import NOT_FOUND
 from skyway.runtime.http.identity import Caller, ServiceGate
-from skyway.runtime.http.paging import Page
+from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
+from skyway_composition.closures import store
 from skyway_composition.closures.close import Closings
 from skyway_composition.closures.handle_orders import (
     MADE,
@@ -25,6 +35,7 @@ from skyway_composition.closures.handle_orders import (
     lift,
     make_or_preview,
     page_of_kind,
+    shown,
     status_of,
 )
 
@@ -233,3 +244,61 @@ def _add_ground_stops(router: ServiceRouter, gate: ServiceGate, closings: Closin
     ) -> None:
         """Lift a ground stop, so that drones may take off again."""
         await lift(closings, caller, closure_id, "GROUND_STOP")
+
+
+#: The longest span of one call. Our own choice.
+LONGEST_REPLAY: Final = timedelta(days=1)
+
+_DEFAULT: Final = timedelta(hours=1)
+
+
+class PastSpanQuery(QueryModel):
+    """``?from=&to=``: up to now, and an hour, unless said otherwise."""
+
+    from_at: Annotated[
+        FleetMoment | None,
+        Field(alias="from", description="Start of the span, fleet time; without it an hour."),
+    ] = None
+    to_at: Annotated[
+        FleetMoment | None,
+        Field(
+            alias="to",
+            description="End of the span, fleet time; without it now. A span is at most a day.",
+        ),
+    ] = None
+
+    def span(self, now: datetime) -> Span:
+        """The span that is meant.
+
+        Raises
+        ------
+        InvalidInput
+            It ends before it begins, or it is too long.
+        """
+        to_at = self.to_at or now
+        from_at = self.from_at or max(EARLIEST, to_at - _DEFAULT)
+        return span_between(from_at, to_at, longest=LONGEST_REPLAY)
+
+
+class ClosuresQuery(PastSpanQuery, PageQuery):
+    """A span, and a page of the closures in force in it."""
+
+
+def span_routes(*, gate: ServiceGate, closings: Closings) -> ServiceRouter:
+    """GET /v1/closures."""
+    router = ServiceRouter(tags=("closures",))
+
+    @router.get("/v1/closures")
+    async def list_closures(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[ClosuresQuery, Query()]
+    ) -> Page[ClosureInfo]:
+        """List the closures of every kind that were in force in a span of at most a day."""
+        caller.must_be("customer", "provider", "operator", "service")
+        span = query.span(closings.clock.now())
+        async with closings.db.read() as connection:
+            rows = await store.page_in_span(
+                connection, span, after=query.after_id() or "", limit=query.limit + 1
+            )
+        return page_of(rows, query, item=shown, sort_key=lambda row: (row.closure_id,))
+
+    return router

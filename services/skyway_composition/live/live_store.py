@@ -11,8 +11,7 @@ from skyway.contracts.live import MissionVersion
 from skyway.ids import MissionId
 from skyway.runtime.sql.in_list import in_list
 from skyway.runtime.sql.text_size import text_size
-from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.row import read_record
+from skyway_composition.missions.mission.record import MissionRecord, read_record
 from skyway_composition.missions.mission.step_store import StepRecord, step_record
 from skyway_composition.tables import alarms, guests, is_open, mission_steps, missions
 

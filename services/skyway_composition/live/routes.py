@@ -24,7 +24,7 @@ from skyway_composition.live.live_store import missions_with_steps, open_alarms,
 from skyway_composition.live.present import live_alarm, live_closure, live_missions, live_station
 from skyway_composition.networks.station_store import stations_named
 from skyway_composition.pads.occupancy import outages_by_pad, uses_by_pad
-from skyway_composition.pads.occupied_store import held_now, occupied_stations
+from skyway_composition.pads.store import held_now, occupied_stations
 
 #: The newest open alarms that are shown; more would not fit on any screen.
 _MOST_ALARMS: Final = 500

@@ -16,12 +16,9 @@ from typing import Final
 
 from skyway.contracts.flight_step import PickUpStep
 from skyway.ids import DroneId, NetworkId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.loops import Wake
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition import alarm_store
+from skyway_composition.context import Context
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.listening import Listening
 from skyway_composition.margins import (
@@ -32,8 +29,7 @@ from skyway_composition.margins import (
     Margin,
 )
 from skyway_composition.missions.interventions.confirm_loading import LoadingFault, refuse_loading
-from skyway_composition.missions.mission.doubt import put_in_doubt
-from skyway_composition.missions.mission.end import abort, refuse
+from skyway_composition.missions.mission.end import abort, put_in_doubt, refuse
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.store import models_of_missions
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
@@ -47,9 +43,7 @@ from skyway_composition.missions.timeout_store import (
     perhaps_overdue,
     unknown_missions,
 )
-from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.closed_ahead import ClosedAhead
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import ClosedAhead, World
 
 log = logging.getLogger(__name__)
 
@@ -62,17 +56,15 @@ _LEAST_WALL_S: Final = 10.0
 class OverdueMissions:
     """Judges overdue missions of own drones: only the owner of a drone has listened to it."""
 
-    db: Database
-    clock: FleetClock
-    mint: Mint
+    context: Context
     listening: Listening
 
     async def step(self) -> bool:
         """Judge the missions of this replica's drones that are overdue now."""
         self.listening.look()
-        now = self.clock.now()
-        longest_wait = SILENCE_IS_DOUBTED.span(self.clock)
-        async with self.db.read() as connection:
+        now = self.context.clock.now()
+        longest_wait = SILENCE_IS_DOUBTED.span(self.context.clock)
+        async with self.context.db.read() as connection:
             drone_ids = await perhaps_overdue(
                 connection,
                 expired_ms=moment_to_ms(now),
@@ -83,8 +75,8 @@ class OverdueMissions:
         return False
 
     async def _judge(self, drone_id: DroneId, *, silent_since: datetime) -> None:
-        async with self.db.write() as tx:
-            work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+        async with self.context.db.write() as tx:
+            work = await MissionUnitOfWork.lock(self.context, tx, [drone_id])
             record, link = work.missions.get(drone_id), work.links.get(drone_id)
             if record is None or link is None:
                 return
@@ -96,7 +88,7 @@ class OverdueMissions:
                 await self._judge_booking(work, record, link)
             elif is_long_over and record.stuck is not None and not link.has_unread_events:
                 detail = f"no plan for the remainder was found: {record.stuck.detail}"
-                now = self.clock.now()
+                now = self.context.clock.now()
                 await abort(work, record, at=now, code=record.stuck.code, detail=detail)
             elif is_long_over and _is_silent(record, link, since=silent_since):
                 detail = "the drone has sent no message about the mission since its planned end"
@@ -106,10 +98,10 @@ class OverdueMissions:
         self, work: MissionUnitOfWork, record: MissionRecord, link: DroneLink
     ) -> None:
         """Refuse an expired booking that is surely not flown; doubt it when no answer comes."""
-        now, expired_at = self.clock.now(), ms_to_moment(record.expires_ms)
+        now, expired_at = self.context.clock.now(), ms_to_moment(record.expires_ms)
         if now <= expired_at:
             return
-        ack_due_at = now - ACK_ARRIVES.span(self.clock)
+        ack_due_at = now - ACK_ARRIVES.span(self.context.clock)
         sent_at = expired_at - work.courier.lifetime
         has_listened = self.listening.covers(record.drone_id, sent_at, ack_due_at)
         detail = f"the drone did not answer until {expired_at.isoformat()}"
@@ -117,7 +109,7 @@ class OverdueMissions:
             record, link, ack_due_at=ack_due_at, has_listened=has_listened
         ):
             await refuse(work, record, code="NO_ANSWER", detail=detail)
-        elif now > expired_at + ANSWER_IS_DOUBTED.span(self.clock):
+        elif now > expired_at + ANSWER_IS_DOUBTED.span(self.context.clock):
             await put_in_doubt(work, record, code="NO_ANSWER", detail=detail)
 
 
@@ -160,9 +152,7 @@ def _silence_proves_not_flown(
 class UnknownMissions:
     """Raises an alarm while missions are flown that the gateway does not know; then ends it."""
 
-    db: Database
-    clock: FleetClock
-    mint: Mint
+    context: Context
     #: From when on it looks: after a stop the first reports are old, and that is no fault. Wall ms.
     _from_ms: int = 0
     #: Whether there were such missions at the last look; None before the first look.
@@ -170,15 +160,15 @@ class UnknownMissions:
 
     async def step(self) -> bool:
         """Raise or end the alarm; always False. Once acknowledged, it is not raised again."""
-        wall_ms, at_ms = moment_to_ms(self.clock.wall_now()), moment_to_ms(self.clock.now())
+        wall_ms, at_ms = moment_to_ms(self.context.clock.wall_now()), self.context.now_ms
         self._from_ms = self._from_ms or wall_ms + UNKNOWN_AFTER_MS
         if wall_ms < self._from_ms:
             return False
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             found = await unknown_missions(connection, wall_ms=wall_ms)
         if bool(found) == self._were_found:
             return False
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             if not found:
                 await alarm_store.end(tx, {UNKNOWN_CODE}, about=(None, None), at_ms=at_ms)
             elif not await alarm_store.is_open(tx.connection, None, code=UNKNOWN_CODE):
@@ -186,7 +176,7 @@ class UnknownMissions:
                 detail = f"{len(found)} missions, the first for {oldest_s:.0f} s: none of their "
                 detail += "reports has reached the gateway, so customers do not know of them"
                 about = partial(alarm_store.add, tx, level="CRITICAL", code=UNKNOWN_CODE)
-                await about(detail=detail, at_ms=at_ms, mint=self.mint)
+                await about(detail=detail, at_ms=at_ms, mint=self.context.mint)
         self._were_found = bool(found)
         return False
 
@@ -199,17 +189,13 @@ class LateMissions:
     drone that comes later than planned may meet them. Its plan is checked before it loses its pads.
     """
 
-    db: Database
-    networks: PreparedNetworks
-    clock: FleetClock
-    mint: Mint
-    stuck: Wake
+    context: Context
 
     async def step(self) -> bool:
         """Check the missions that are late now."""
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             # The report about a step that has just ended may still be on its way.
-            ended_at = self.clock.now() - REPORT_ARRIVES.span(self.clock)
+            ended_at = self.context.clock.now() - REPORT_ARRIVES.span(self.context.clock)
             late = await perhaps_late(connection, ended_ms=moment_to_ms(ended_at))
         for network_id, drone_ids in late.items():
             closed = await self._closed(network_id)
@@ -218,58 +204,53 @@ class LateMissions:
         return False
 
     async def _closed(self, network_id: NetworkId) -> ClosedAhead:
-        now_ms = moment_to_ms(self.clock.now())
-        skyway = await self.networks.current(network_id)
-        world = await World.of(skyway, self.db, after_ms=now_ms)
+        now_ms = self.context.now_ms
+        skyway = await self.context.networks.current(network_id)
+        world = await World.of(skyway, self.context.db, after_ms=now_ms)
         if world.weather_note(now_ms) is not None:
             # Read here, so that nothing is computed while a mission is locked.
-            async with self.db.read() as connection:
+            async with self.context.db.read() as connection:
                 models = await models_of_missions(connection, network_id)
             for model in {*models.values()}:
                 await world.weather(model, now_ms)
         return ClosedAhead.of(world, now_ms=now_ms)
 
     async def _judge(self, drone_id: DroneId, closed: ClosedAhead) -> None:
-        async with self.db.write() as tx:
-            work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+        async with self.context.db.write() as tx:
+            work = await MissionUnitOfWork.lock(self.context, tx, [drone_id])
             record = work.missions.get(drone_id)
             if record is not None and (await check_plan(work, record, closed)).needs_plan:
-                tx.after_commit(self.stuck.set)
+                tx.after_commit(self.context.stuck.set)
 
 
 @dataclass(frozen=True, slots=True)
 class LoadingTimeouts:
     """Ends missions that were not loaded in time."""
 
-    db: Database
-    networks: PreparedNetworks
-    clock: FleetClock
-    mint: Mint
+    context: Context
 
     async def step(self) -> bool:
         """End the missions that have waited too long."""
-        now_ms = moment_to_ms(self.clock.now())
-        async with self.db.read() as connection:
+        now_ms = self.context.now_ms
+        async with self.context.db.read() as connection:
             awaited = await awaited_loadings(connection, started_before_ms=now_ms)
         for each in awaited:
-            skyway = await self.networks.current(each.network_id)
+            skyway = await self.context.networks.current(each.network_id)
             timeout_s = skyway.settings.loading_timeout_s
-            timeout = Margin(timeout_s, _LEAST_WALL_S).span(self.clock)
+            timeout = Margin(timeout_s, _LEAST_WALL_S).span(self.context.clock)
             # A drone that has started later than this cannot have waited that long.
-            if each.start_ms <= moment_to_ms(self.clock.now() - timeout):
+            if each.start_ms <= moment_to_ms(self.context.clock.now() - timeout):
                 await self._judge(each, timeout)
         return False
 
     async def _judge(self, awaited: AwaitedLoading, timeout: timedelta) -> None:
-        async with self.db.write() as tx:
-            work = await MissionUnitOfWork.lock(
-                [awaited.drone_id], tx=tx, clock=self.clock, mint=self.mint
-            )
+        async with self.context.db.write() as tx:
+            work = await MissionUnitOfWork.lock(self.context, tx, [awaited.drone_id])
             record = work.missions.get(awaited.drone_id)
             if record is None or record.mission_id != awaited.mission_id:
                 return
             since = await _loading_since(work, record)
-            if since is None or self.clock.now() < since + timeout:
+            if since is None or self.context.clock.now() < since + timeout:
                 return
             detail = f"no loader has confirmed since {since.isoformat()}"
             fault = LoadingFault("LOADING_TIMEOUT", detail, {"timeout_s": timeout.total_seconds()})

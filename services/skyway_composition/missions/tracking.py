@@ -20,6 +20,7 @@ from skyway.contracts.flight_step import (
     end_of,
     packages_of,
 )
+from skyway.contracts.message import FleetMoment, Soc
 from skyway.contracts.mission import OPEN_MISSION_STATES, Mission
 from skyway.contracts.track import Track, TrackedMission, TrackedStep
 from skyway.geo import Position
@@ -291,4 +292,54 @@ def _proposed(record: MissionRecord) -> ProposedRevision | None:
         return None
     return ProposedRevision(
         revision=proposal.mission.revision, code=proposal.code, detail=proposal.detail
+    )
+
+
+class ListedMission(Mission):
+    """A mission, its present step, and where its drone was last seen flying it."""
+
+    step: Annotated[
+        FlightStep | None,
+        Field(
+            description="The first step that has not ended, as it was sent to the drone; null when "
+            "the mission is over."
+        ),
+    ]
+    position: Annotated[
+        Position | None,
+        Field(
+            description="Longitude and latitude in degrees that the drone reported last on this "
+            "mission; null while it is not on this mission."
+        ),
+    ]
+    position_at: Annotated[
+        FleetMoment | None, Field(description="When it was there; null without a position.")
+    ]
+    soc: Annotated[
+        Soc | None, Field(description="Its state of charge there, 0 to 1; null without a position.")
+    ]
+    guests: Annotated[
+        tuple[DeliveryId, ...],
+        Field(
+            description="Other deliveries whose packages fly with it; their packages are listed "
+            "under the ids under which they fly."
+        ),
+    ] = ()
+
+
+def listed(
+    record: MissionRecord, step: FlightStep | None, state: DroneState | None
+) -> ListedMission:
+    """A mission with its present step, and with the state of its drone."""
+    mission = share_views.shown_mission(record)
+    is_open = mission.state in OPEN_MISSION_STATES
+    is_here = is_open and state is not None and state.mission_id == mission.mission_id
+    seen = state if is_here else None
+    return ListedMission(
+        **dict(mission),
+        step=step if is_open else None,
+        position=None if seen is None else seen.position,
+        position_at=None if seen is None else seen.at,
+        soc=None if seen is None else seen.soc,
+        guests=tuple(each.delivery_id for each in record.shares[1:]),
     )

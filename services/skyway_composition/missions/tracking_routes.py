@@ -1,18 +1,13 @@
 """Tracks and missions over REST: for the gateway, operators, providers and drones."""
 
-from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 from fastapi import Depends, Query
 from pydantic import Field
 
-from skyway.contracts.drone_report import DroneState
-from skyway.contracts.flight_step import FlightStep
-from skyway.contracts.message import FleetMoment, Soc
-from skyway.contracts.mission import OPEN_MISSION_STATES, Mission, MissionState
+from skyway.contracts.mission import MissionState
 from skyway.contracts.track import Track
-from skyway.geo import Position
-from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId
+from skyway.ids import DeliveryId, MissionId, ProviderId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
@@ -20,15 +15,19 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_composition.links.store import link_to, states_of
 from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.share_views import shown_mission
 from skyway_composition.missions.mission.step_store import (
     ended_events,
     next_steps_of,
     steps_of,
 )
 from skyway_composition.missions.mission.store import MissionFilter
-from skyway_composition.missions.tracking import MissionProgress, progress_of, track_of
+from skyway_composition.missions.tracking import (
+    ListedMission,
+    MissionProgress,
+    listed,
+    progress_of,
+    track_of,
+)
 
 MissionLoading = Literal["AUTOMATIC", "CONFIRMED", "AWAITED"]
 
@@ -46,38 +45,6 @@ class MissionQuery(PageQuery):
     loading: Annotated[
         MissionLoading | None, Field(description="Only missions that are loaded like this.")
     ] = None
-
-
-class ListedMission(Mission):
-    """A mission, its present step, and where its drone was last seen flying it."""
-
-    step: Annotated[
-        FlightStep | None,
-        Field(
-            description="The first step that has not ended, as it was sent to the drone; null when "
-            "the mission is over."
-        ),
-    ]
-    position: Annotated[
-        Position | None,
-        Field(
-            description="Longitude and latitude in degrees that the drone reported last on this "
-            "mission; null while it is not on this mission."
-        ),
-    ]
-    position_at: Annotated[
-        FleetMoment | None, Field(description="When it was there; null without a position.")
-    ]
-    soc: Annotated[
-        Soc | None, Field(description="Its state of charge there, 0 to 1; null without a position.")
-    ]
-    guests: Annotated[
-        tuple[DeliveryId, ...],
-        Field(
-            description="Other deliveries whose packages fly with it; their packages are listed "
-            "under the ids under which they fly."
-        ),
-    ] = ()
 
 
 def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
@@ -114,10 +81,10 @@ def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
             steps = await next_steps_of(connection, [record.mission_id for record in rows])
             states = await states_of(connection, {record.drone_id for record in rows})
         return page_of(
-            _all_listed(rows, steps=steps, states=states),
+            rows,
             query,
-            item=lambda mission: mission,
-            sort_key=lambda mission: (mission.mission_id,),
+            item=lambda each: listed(each, steps.get(each.mission_id), states.get(each.drone_id)),
+            sort_key=lambda each: (each.mission_id,),
         )
 
     @router.get("/v1/missions/{mission_id}")
@@ -136,36 +103,6 @@ def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         return progress_of(record, steps, events=events, link=link)
 
     return router
-
-
-def _all_listed(
-    records: Sequence[MissionRecord],
-    *,
-    steps: Mapping[MissionId, FlightStep],
-    states: Mapping[DroneId, DroneState],
-) -> list[ListedMission]:
-    """The missions with these steps, and with the states of their drones."""
-    return [
-        _listed(record, steps.get(record.mission_id), states.get(record.drone_id))
-        for record in records
-    ]
-
-
-def _listed(
-    record: MissionRecord, step: FlightStep | None, state: DroneState | None
-) -> ListedMission:
-    mission = shown_mission(record)
-    is_open = mission.state in OPEN_MISSION_STATES
-    is_here = is_open and state is not None and state.mission_id == mission.mission_id
-    seen = state if is_here else None
-    return ListedMission(
-        **dict(mission),
-        step=step if is_open else None,
-        position=None if seen is None else seen.position,
-        position_at=None if seen is None else seen.at,
-        soc=None if seen is None else seen.soc,
-        guests=tuple(each.delivery_id for each in record.shares[1:]),
-    )
 
 
 def _own(caller: Caller) -> ProviderId | None:

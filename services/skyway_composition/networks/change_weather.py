@@ -21,8 +21,8 @@ from skyway_composition.closures.network_weather import (
     StoredForecast,
 )
 from skyway_composition.closures.read_forecast import accepted, content_of
-from skyway_composition.closures.store import change_conditions
-from skyway_composition.closures.weather_store import (
+from skyway_composition.closures.store import (
+    change_conditions,
     delete_forecast,
     forecast_row,
     replace_forecast,

@@ -17,8 +17,8 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.network_weather import ForecastRow, StoredForecast
 from skyway_composition.closures.read_forecast import forecast_of
-from skyway_composition.closures.store import change_conditions
-from skyway_composition.closures.weather_store import (
+from skyway_composition.closures.store import (
+    change_conditions,
     forecast_key,
     forecast_row,
     networks_with_forecast,

@@ -1,20 +1,23 @@
-"""Networks over REST: their versions as GeoJSON.
+"""Networks over REST: versions as GeoJSON, forecasts, and whether they accept deliveries now.
 
 Operators publish networks, and all callers read them.
 """
 
+import asyncio
 from datetime import datetime
 from typing import Annotated, Final
 
 from fastapi import Depends, Header, Query, Request, Response
-from pydantic import Field
+from pydantic import Field, ValidationError
 
-from skyway.errors import InvalidNetwork
-from skyway.ids import NetworkId
+from skyway.complaints import fault_of
+from skyway.contracts.weather import ForecastDocument, WeatherInForce
+from skyway.errors import InvalidInput, InvalidNetwork
+from skyway.ids import DroneModelId, NetworkId
 from skyway.json_model import JsonModel, QueryModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
-from skyway.runtime.http.answers import GEOJSON, GeoJsonResponse, conflicts
+from skyway.runtime.http.answers import GEOJSON, NOT_FOUND, GeoJsonResponse, conflicts
 from skyway.runtime.http.app import read_json, takes_bytes
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.openapi_document import body_of
@@ -24,9 +27,19 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.closure import Impact
+from skyway_composition.closures.network_weather import ClosedNow
+from skyway_composition.closures.store import forecast_key, in_force
 from skyway_composition.networks import store
+from skyway_composition.networks.change_weather import WeatherChanges
 from skyway_composition.networks.prepared import PreparedNetworks, current_row
 from skyway_composition.networks.publish import etag, publish, read_content
+from skyway_composition.networks.service_status import (
+    CountDrones,
+    NetworkStatus,
+    closed_to_models,
+    status_of,
+    without_counts,
+)
 from skyway_composition.networks.settings import NetworkDocument
 from skyway_composition.networks.store import VersionRow
 
@@ -178,3 +191,92 @@ def _info(row: VersionRow) -> NetworkInfo:
         sha256=row.sha256,
         published_at=ms_to_moment(row.published_ms),
     )
+
+
+def service_status_routes(
+    *,
+    db: Database,
+    gate: ServiceGate,
+    networks: PreparedNetworks,
+    clock: FleetClock,
+    count_drones: CountDrones,
+) -> ServiceRouter:
+    """GET /v1/networks/{network_id}/status."""
+    router = ServiceRouter(tags=("networks",))
+
+    @router.get("/v1/networks/{network_id}/status")
+    async def get_network_status(
+        network_id: NetworkId, caller: Annotated[Caller, Depends(gate)]
+    ) -> NetworkStatus:
+        """Show whether the network accepts deliveries now, and what restricts it.
+
+        Only operators see how many drones there are.
+        """
+        caller.must_be("customer", "provider", "operator", "service")
+        await current_row(db, network_id)
+        drones = await count_drones(network_id)
+        now_ms = moment_to_ms(clock.now())
+        async with db.read() as connection:
+            closures = await in_force(connection, network_id, after_ms=now_ms)
+            has_forecast = await forecast_key(connection, network_id) is not None
+        windy: dict[DroneModelId, ClosedNow] = {}
+        if has_forecast:
+            skyway = await networks.current(network_id)
+            _, conditions = await skyway.conditions.read(db, after_ms=now_ms)
+            windy = await closed_to_models(conditions.weather, drones, now_ms=now_ms)
+        present = [each for each in closures if each.is_in_force(now_ms)]
+        status = status_of(network_id, present, drones, now_ms=now_ms, windy=windy)
+        return status if caller.role == "operator" else without_counts(status)
+
+    return router
+
+
+#: The most bytes of a forecast (docs/reference/rest.md).
+FORECAST_LIMIT_BYTES: Final = 16 * 1024 * 1024
+
+
+def weather_routes(*, gate: ServiceGate, changes: WeatherChanges) -> ServiceRouter:
+    """PUT, GET and DELETE of a network's forecast."""
+    router = ServiceRouter(tags=("networks",))
+    path = "/v1/networks/{network_id}/weather"
+
+    @router.put(
+        path,
+        response_model=WeatherInForce,
+        responses=NOT_FOUND,
+        openapi_extra=body_of(ForecastDocument),
+    )
+    @takes_bytes(FORECAST_LIMIT_BYTES)
+    async def put_network_weather(
+        network_id: NetworkId, request: Request, caller: Annotated[Caller, Depends(gate)]
+    ) -> WeatherInForce:
+        """Replace the weather forecast of the network; the same content changes nothing."""
+        caller.must_be("operator")
+        document = await read_json(request)
+        return await changes.put(network_id, await asyncio.to_thread(_read, document))
+
+    @router.get(path, responses=NOT_FOUND)
+    async def get_network_weather(
+        network_id: NetworkId, caller: Annotated[Caller, Depends(gate)]
+    ) -> WeatherInForce:
+        """Show the weather forecast of the network, and how old it is."""
+        caller.must_be("customer", "provider", "operator", "service")
+        return await changes.in_force(network_id)
+
+    @router.delete(path, status_code=204)
+    async def delete_network_weather(
+        network_id: NetworkId, caller: Annotated[Caller, Depends(gate)]
+    ) -> None:
+        """Remove the weather forecast of the network: plans assume still air again."""
+        caller.must_be("operator")
+        await changes.remove(network_id)
+
+    return router
+
+
+def _read(document: object) -> ForecastDocument:
+    try:
+        return ForecastDocument.model_validate(document)
+    except ValidationError as error:
+        field, detail = fault_of(error.errors(include_url=False, include_input=False)[0])
+        raise InvalidInput(field or "forecast", detail) from error

@@ -15,8 +15,12 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.own_cells import OwnCells
 from skyway_composition.pads.occupancy import Occupancy
-from skyway_composition.pads.occupied_store import occupied_stations
-from skyway_composition.pads.store import pads_everywhere, pads_of_all, stations_of
+from skyway_composition.pads.store import (
+    occupied_stations,
+    pads_everywhere,
+    pads_of_all,
+    stations_of,
+)
 
 
 @dataclass(slots=True)

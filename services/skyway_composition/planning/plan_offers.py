@@ -1,38 +1,34 @@
-"""Plan offers: compose, price and rank, and collect why other providers make no offer.
-
-`Quotes` answers with the offers that each provider would make now, without reserving anything.
-"""
+"""Plan offers: compose, price and rank, and collect why other providers make no offer."""
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import (
+    AsyncIterator,
+    Iterable,
+    Mapping,
+    Sequence,
+)
+from dataclasses import replace
+from datetime import timedelta
+from typing import Any, Final
 
 import numpy as np
 
-from skyway.contracts.quote import QuoteAnswer, QuoteQuery
+from skyway.contracts.candidate import Candidate, Possible, ProviderReason
+from skyway.contracts.message import utc_text
 from skyway.contracts.shortlist import Shortlist
-from skyway.delivery.offer import BestValues, rank_offers
-from skyway.delivery.request import DeliveryRequest
+from skyway.delivery.offer import rank_offers
+from skyway.delivery.request import DeliveryRequest, Package
 from skyway.ids import DroneId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.sql.database import Database
-from skyway.scheduling.trip import NoTrip
-from skyway.units import moment_to_ms
-from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.availability import Availability, BookedMission, start_ms
+from skyway.scheduling.trip import NoTrip, Trip
+from skyway.units import ms_to_moment
+from skyway_composition.planning.availability import Availability
 from skyway_composition.planning.contest import Contest
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.lower_bounds import LowerBounds
-from skyway_composition.planning.offer import Limits, Offer, Offers, Part, terms_of
-from skyway_composition.planning.possible import with_possible
-from skyway_composition.planning.refusals import Refusals, fit_among, refused_for_all
-from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.offer import Limits, Offer, Offers, Part
+from skyway_composition.planning.refusals import Refusals, fit_among
 from skyway_composition.planning.split import carrying_all, split_offers
-from skyway_composition.planning.world import World
-
-#: Finds the missions in the calendars of these drones.
-BookedMissions = Callable[[Collection[DroneId]], Awaitable[Sequence[BookedMission]]]
 
 
 async def plan_offers(
@@ -240,64 +236,69 @@ def _refuse_overweight(refusals: Refusals, shortlist: Shortlist, request: Delive
             )
 
 
-@dataclass(frozen=True, slots=True)
-class Quotes:
-    """Answers requests for quotes."""
+#: Of requests with more packages, the packages are not tried alone. Our own choice.
+_MOST_ALONE: Final = 8
 
-    db: Database
-    networks: PreparedNetworks
-    solver: SolverPool
-    clock: FleetClock
-    booked_missions: BookedMissions
-
-    async def answer(self, query: QuoteQuery) -> QuoteAnswer:
-        """The best offer of each provider, best first, and why the others make no offer."""
-        pickup = query.request.pickup.station_id
-        after_ms = moment_to_ms(self.clock.now())
-        world = await World.around(pickup, self.networks, db=self.db, after_ms=after_ms)
-        if world is None:
-            return await self.pickup_unknown(query)
-        begins_ms = start_ms(self.clock, earliest_at=query.request.begins_after)
-        booked = await self.booked_missions(query.shortlist.drone_ids)
-        offers = await self.plan(query, world, booked, begins_ms=begins_ms)
-        return answer_of(query, world, offers)
-
-    async def pickup_unknown(self, query: QuoteQuery) -> QuoteAnswer:
-        """The answer when no network has the pickup station."""
-        detail = await self.networks.why_missing(query.request.pickup.station_id)
-        reasons = refused_for_all(query.shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail)
-        return QuoteAnswer(offers=(), infeasible=tuple(reasons))
-
-    async def plan(
-        self,
-        query: QuoteQuery,
-        world: World,
-        booked: Sequence[BookedMission],
-        *,
-        begins_ms: int,
-    ) -> Offers:
-        """The best offer of each provider for missions that begin at `begins_ms` or later."""
-        limits = Limits.of_whole(query.request.qos)
-        return await best_of_each(
-            TripFinder(self.solver, world, begins_ms, limits.latest_ms),
-            query.request,
-            shortlist=query.shortlist,
-            available=Availability.of(booked, begins_ms=begins_ms, clock=self.clock),
-            gaps=[*Availability.in_gaps(booked, begins_ms=begins_ms, clock=self.clock)],
-            limits=limits,
-        )
+#: The loads that are tried, as shares of what the drone lifts.
+_SHARES: Final = (1.0, 0.75, 0.5, 0.25)
 
 
-def answer_of(query: QuoteQuery, world: World, offers: Offers, *, held: int = 0) -> QuoteAnswer:
-    """The answer with these offers, of which the first `held` are held."""
-    if not offers.ranked:
-        return QuoteAnswer(offers=(), infeasible=offers.reasons)
-    best = BestValues.of(offer.values for offer in offers.ranked)
-    weights = query.request.qos.ranking
-    terms = [terms_of(each, best=best, weights=weights, world=world) for each in offers.ranked]
-    return QuoteAnswer(
-        offers=tuple(
-            each.model_copy(update={"is_held": number < held}) for number, each in enumerate(terms)
-        ),
-        infeasible=offers.reasons,
-    )
+async def with_possible(
+    finder: TripFinder,
+    request: DeliveryRequest,
+    shortlist: Shortlist,
+    reasons: tuple[ProviderReason, ...],
+) -> tuple[ProviderReason, ...]:
+    """The reasons with what would have been possible, unless asking again later may help."""
+    if any(each.is_temporary for each in reasons):
+        return reasons
+    found: list[ProviderReason] = []
+    for reason in reasons:
+        own = [each for each in shortlist.candidates if each.provider_id == reason.provider_id]
+        possible: list[Possible] = []
+        if own and reason.code not in ("TOO_EXPENSIVE", "OTHER_CURRENCY"):
+            strongest = max(own, key=lambda each: each.model.max_payload_kg)
+            possible = [each async for each in _possible(finder, request, strongest)]
+        words = "; ".join(["", *(f"possible: {each.detail}" for each in possible)])
+        update = {"detail": reason.detail + words, "possible": tuple(possible)}
+        found.append(reason.model_copy(update=update))
+    return tuple(found)
+
+
+async def _possible(
+    finder: TripFinder, request: DeliveryRequest, drone: Candidate
+) -> AsyncIterator[Possible]:
+    """What this drone could do: some of the packages, less mass, or a later delivery."""
+
+    async def trip(packages: Sequence[Package], **changes: Any) -> Trip | None:  # of the request
+        other = request.model_copy(update={"packages": tuple(packages), **changes})
+        # A finder keeps trips by their packages, and not by their deadline.
+        own = replace(finder, latest_ms=None, _found={}) if changes else finder
+        found = await own.trip(drone, other)
+        return found if isinstance(found, Trip) else None
+
+    packages, payload_kg = request.packages, request.payload_kg
+    if 1 < len(packages) <= _MOST_ALONE:
+        stuck = [each.package_id for each in packages if await trip([each]) is None]
+        if 0 < len(stuck) < len(packages):
+            detail = f"each other package alone, without {' and '.join(map(repr, stuck))}"
+            yield Possible(kind="WITHOUT", detail=detail, package_ids=tuple(stuck))
+    for share in _SHARES if payload_kg > 0 else ():
+        left = share * min(drone.model.max_payload_kg / payload_kg, 1.0)
+        # A gram less than the limit: masses add up with rounding.
+        less_kg = math.ceil(payload_kg * (1.0 - left) * 1000 + 1) / 1000
+        lighter = [
+            each.model_copy(update={"mass_kg": each.mass_kg * (1.0 - less_kg / payload_kg)})
+            for each in packages
+        ]
+        if left < 1.0 and less_kg < payload_kg and await trip(lighter) is not None:
+            yield Possible(kind="LESS", detail=f"{less_kg:g} kg less", less_kg=less_kg)
+            break
+    if request.latest_at is not None:
+        patient = [each.model_copy(update={"latest_at": None}) for each in packages]
+        qos = request.qos.model_copy(update={"deadline_at": None})
+        late = await trip(patient, latest_pickup_at=None, qos=qos)
+        if late is not None and late.plan.delivery_time_s is not None:
+            at_s = math.ceil(late.start_ms / 1000 + late.plan.delivery_time_s)
+            at = ms_to_moment(0) + timedelta(seconds=at_s)
+            yield Possible(kind="LATER", detail=f"delivered at {utc_text(at)}", at=at)

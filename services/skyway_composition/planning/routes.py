@@ -36,9 +36,9 @@ from skyway_composition.networks.prepared import NOTHING_PUBLISHED, PreparedNetw
 from skyway_composition.networks.routes import MAX_VERSION
 from skyway_composition.networks.settings import NetworkDocument, settings_of
 from skyway_composition.networks.store import has_networks
-from skyway_composition.planning.no_shows import NoShows
+from skyway_composition.planning.no_show_store import NoShows
 from skyway_composition.planning.solver_pool import ReadingTurn, SolverPool
-from skyway_composition.planning.world import World, compose_in
+from skyway_composition.planning.world import World
 
 #: The most bytes of a problem with its network (docs/reference/rest.md).
 COMPOSITION_LIMIT_BYTES: Final = 256 * 1024 * 1024
@@ -231,7 +231,7 @@ def composition_routes(
                 size_bytes=len(await request.body()),
             )
             # A problem has its own weather; without it plans assume still air.
-            return await compose_in(solver, world.in_still_air(), problem)
+            return await solver.compose_in(world.in_still_air(), problem)
         problem = await reading.run(read_problem, document)
         settings_of(problem.network, "network")  # no plan needs them, but faults are named
         return await solver.compose(problem)

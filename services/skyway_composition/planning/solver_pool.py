@@ -9,12 +9,19 @@ import asyncio
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
 from typing import Final, Self, TypeVar
 
-from skyway.delivery.plan import Plan, PlanStatus
+import numpy as np
+
+from skyway.delivery.plan import Plan, PlanStatus, Recharge
+from skyway.geo import Box
+from skyway.ids import StationId
+from skyway.network.columns import Rows
+from skyway.network.great_circle import beside_deg
+from skyway.network.network import Network
 from skyway.planner.airspace import Airspace
 from skyway.planner.compose import DEFAULT_STRATEGY, compose
 from skyway.planner.exact import ROOM_BEFORE_HASTE
@@ -26,6 +33,8 @@ from skyway.planner.verify import PlanRejected
 from skyway.planner.warm import is_on_disk, warm
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.metrics import timed
+from skyway.units import moment_to_ms
+from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
 
@@ -34,6 +43,13 @@ _MOST_WAITING: Final = 500
 
 #: Larger problems go to a thread immediately, because they take long even before the search.
 _FEW_STATIONS, _FEW_PACKAGES, _FEW_CLOSURES = 5_000, 5, 50
+
+#: How far around a request's places pads are read first, as a share of the distance between them.
+#: Our own choice: most detours to recharge lie within this margin.
+_FIRST_MARGIN: Final = 0.25
+
+#: How often the box around the places is widened before the whole network is read.
+_MOST_BOXES: Final = 3
 
 
 class _TakesLong(Exception):
@@ -157,6 +173,40 @@ class SolverPool:
             self._waiting -= 1
             is_abandoned.set()
 
+    async def compose_in(self, world: World, problem: Problem) -> Plan:
+        """The plan of a problem with a `start_at`, in this world's weather and reservations.
+
+        A problem with fewer reservations is easier. If its plan charges only at stations that were
+        read, the plan and its proof hold for the whole problem. If it has no plan, the whole
+        problem has none. In all other cases more stations are read and the problem is composed
+        again. Only the exact search finds the same plan either way; for other strategies all
+        stations are read.
+        """
+        network = world.skyway.network
+        start_ms = 0 if problem.start_at is None else moment_to_ms(problem.start_at)
+        weather = await world.weather(problem.drone.model, start_ms)
+        if weather is not None:
+            problem = problem.model_copy(update={"weather": weather})
+        places = {problem.source, problem.start_station_id}
+        places.update(package.destination for package in problem.packages)
+        margin = _FIRST_MARGIN
+        boxes = _MOST_BOXES if problem.strategy in (None, DEFAULT_STRATEGY) else 0
+        while True:
+            around = _rows_around(network, places, margin) if boxes > 0 else _all_rows(network)
+            await world.pads.read(around)
+            plan = await self.compose(
+                problem,
+                airspace=world.skyway.airspace,
+                hierarchy=world.skyway.hierarchy,
+                booked=world.pads.book.seen_from(start_ms),
+            )
+            unread = {each for each in _charging_stations(plan) if not world.pads.has_read(each)}
+            if not unread:
+                return plan
+            places |= unread
+            margin *= 2
+            boxes -= 1
+
     def _compose_inline(
         self,
         problem: Problem,
@@ -222,6 +272,30 @@ def _is_small(problem: Problem, airspace: Airspace | None, hierarchy: Hierarchy 
         and airspace is not None
         and not airspace.reaches
     )
+
+
+def _charging_stations(plan: Plan) -> Iterable[StationId]:
+    return (step.station_id for step in plan.steps if isinstance(step, Recharge))
+
+
+def _rows_around(network: Network, places: Iterable[StationId], margin: float) -> Rows:
+    """The stations in the box around these places, with a margin as a share of its larger side."""
+    columns = network.columns
+    rows = [network.row_of[place] for place in places]
+    box = Box.around(zip(columns.longitude_deg[rows], columns.latitude_deg[rows], strict=True))
+    more_deg = margin * max(box.width_deg, box.north - box.south)
+    longitude_deg = beside_deg(columns.longitude_deg, box.west + box.width_deg / 2)
+    is_near = (
+        (longitude_deg >= box.west - more_deg)
+        & (longitude_deg <= box.west + box.width_deg + more_deg)
+        & (columns.latitude_deg >= box.south - more_deg)
+        & (columns.latitude_deg <= box.north + more_deg)
+    )
+    return np.flatnonzero(is_near).astype(np.int32)
+
+
+def _all_rows(network: Network) -> Rows:
+    return np.arange(len(network.row_of), dtype=np.int32)
 
 
 T = TypeVar("T")

@@ -2,7 +2,7 @@
 
 from skyway.runtime.outbox.outbox_store import outbox_table
 from skyway.runtime.replicas.replica_store import replicas_table
-from skyway_composition.tables.links import drone_links, instructions
+from skyway_composition.tables.links import drone_links, instructions, no_shows, quarantine
 from skyway_composition.tables.missions import (
     alarms,
     better_orders,
@@ -29,8 +29,6 @@ from skyway_composition.tables.networks import (
     pad_reservations,
     stations,
 )
-from skyway_composition.tables.no_shows import no_shows
-from skyway_composition.tables.quarantine import quarantine
 
 __all__ = [
     "alarms",

@@ -1,4 +1,4 @@
-"""The tables of the links to drones."""
+"""The tables of what drones send: their links, messages that were set aside, and no-shows."""
 
 from sqlalchemy import (
     BigInteger,
@@ -8,6 +8,7 @@ from sqlalchemy import (
     ForeignKey,
     Index,
     Integer,
+    LargeBinary,
     Table,
     Text,
     UniqueConstraint,
@@ -72,4 +73,39 @@ drone_links = Table(
     ),
     # Finds held drones without reading the links of all others.
     partial_index("drone_links_held", "drone_id", where="held_by IS NOT NULL"),
+)
+
+
+#: The messages of drones that were not taken, each once however often it came.
+quarantine = Table(
+    "quarantine",
+    metadata,
+    Column("quarantine_id", Text, primary_key=True),
+    Column("topic", Text, nullable=False),
+    Column("provider_id", Text, nullable=False),
+    Column("drone_id", Text, nullable=False),
+    Column("reason", Text, nullable=False),
+    Column("detail", Text, nullable=False),
+    Column("payload", LargeBinary, nullable=False),  # the first bytes of it
+    Column("payload_sha256", Text, nullable=False),  # of the whole payload
+    Column("size_bytes", BigInteger, nullable=False),  # of the whole payload
+    Column("times", BigInteger, nullable=False),
+    Column("first_ms", BigInteger, nullable=False),
+    Column("last_ms", BigInteger, nullable=False),
+    Column("last_wall_ms", BigInteger, nullable=False),
+    UniqueConstraint("topic", "payload_sha256", name="quarantine_once"),
+    Index("quarantine_by_provider", "provider_id", "drone_id"),
+)
+
+
+#: A mission that ended because its drone did not answer, or fell silent. Rows are only added.
+no_shows = Table(
+    "no_shows",
+    metadata,
+    Column("mission_id", Text, ForeignKey("missions.mission_id"), primary_key=True),
+    Column("provider_id", Text, nullable=False),
+    Column("drone_id", Text, nullable=False),
+    Column("code", Text, nullable=False),
+    Column("at_ms", BigInteger, nullable=False),
+    Index("no_shows_by_time", "at_ms", "provider_id"),
 )

@@ -4,7 +4,7 @@ from collections import defaultdict
 from itertools import pairwise
 from typing import Any, Final
 
-from skyway_composition.missions.mission.row import read_record
+from skyway_composition.missions.mission.record import read_record
 from skyway_composition.missions.mission.store import NO_CONDITIONS
 from skyway_composition.tables import (
     better_orders,

@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import AsyncIterator, Mapping
 from typing import Any
 
-from skyway_composition.missions.mission.row import PROMISED
+from skyway_composition.missions.mission.record import PROMISED
 from skyway_composition.tables import (
     deliveries,
     drone_links,

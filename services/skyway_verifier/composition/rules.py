@@ -6,8 +6,7 @@ from typing import Final
 from pydantic import TypeAdapter
 from skyway_composition.closures.closure import Area
 from skyway_composition.missions.booking.hold_store import HELD_OFFERS
-from skyway_composition.missions.mission.record import Aim, Proposal, Stuck, Trouble
-from skyway_composition.missions.mission.row import PROMISED
+from skyway_composition.missions.mission.record import PROMISED, Aim, Proposal, Stuck, Trouble
 from skyway_composition.missions.mission.share import read_shares
 from skyway_composition.missions.mission.step_store import read_step
 from skyway_composition.tables import (

@@ -4,8 +4,7 @@ from datetime import timedelta
 from typing import Any
 
 import numpy as np
-from skyway_composition.calendar.commit import WorldChanged, lock_as_seen
-from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.commit import Snapshot, WorldChanged, lock_as_seen
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import links_to
 from skyway_composition.planning.world import World

@@ -10,15 +10,14 @@ from typing import Any
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from skyway_composition.calendar.commit import WorldChanged, lock_as_seen
-from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.commit import Snapshot, WorldChanged, lock_as_seen
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.booking import engage
 from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.mission import store, unit_of_work
 from skyway_composition.missions.mission.record import Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.request_plan import request_plan
+from skyway_composition.missions.replanning.check_plan import request_plan
 
 from skyway.contracts.mission import CancelMissions
 from skyway.ids import DeliveryId, DroneId
@@ -98,9 +97,7 @@ async def plan_a_queue_again(world: BusyWorld) -> None:
 
 async def plan_a_mission_again(world: BusyWorld) -> None:
     async with world.db.write() as tx:
-        work = await MissionUnitOfWork.lock(
-            [DroneId("drn_2")], tx=tx, clock=world.clock, mint=world.mint
-        )
+        work = await MissionUnitOfWork.lock(world.context, tx, [DroneId("drn_2")])
         late = Trouble(code="LATE", detail="for this test")
         await request_plan(work, work.missions[DroneId("drn_2")], late)
     await world.replanner.replan(DroneId("drn_2"))

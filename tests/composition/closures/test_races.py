@@ -82,12 +82,12 @@ async def test_a_plan_made_before_a_closure_is_not_booked_after_it(
         if not closed:
             closed.append((await composition(OPERATOR, "POST", path, body)).status_code)
 
-    bookings = replace(composition.parts.bookings, db=Meddling(composition.db, close_once))
+    parts = replace(composition.parts, db=Meddling(composition.db, close_once))
     requested = BookMissions(
         attempt=1, request=make.request("c"), shortlist=Shortlist.of([make.candidate()])
     )
 
-    booking = await bookings.book(DeliveryId("dlv_1"), requested)
+    booking = await parts.bookings.book(DeliveryId("dlv_1"), requested)
 
     assert closed == [201]
     assert booking.outcome != "BOOKED"
@@ -127,12 +127,12 @@ async def test_a_plan_made_before_an_outage_is_not_booked_after_it(
             answer = await composition(OPERATOR, "POST", "/v1/stations/b/pads/0/outages")
             closed.append(answer.status_code)
 
-    bookings = replace(composition.parts.bookings, db=Meddling(composition.db, fail_once))
+    parts = replace(composition.parts, db=Meddling(composition.db, fail_once))
     requested = BookMissions(
         attempt=1, request=make.request("c"), shortlist=Shortlist.of([make.candidate()])
     )
 
-    booking = await bookings.book(DeliveryId("dlv_1"), requested)
+    booking = await parts.bookings.book(DeliveryId("dlv_1"), requested)
 
     assert booking.outcome == "BOOKED"
     held = {(row.station_id, row.pad) for row in await composition.reservations()}

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.commit import Snapshot
 from skyway_composition.links.store import lock_links, lock_or_add_links
 from skyway_composition.missions.booking.hold_store import free_drones
 from skyway_composition.missions.booking.store import claim_in_one_statement

@@ -103,7 +103,7 @@ async def test_more_destinations_than_one_trip_can_have_are_split(
 async def test_two_trips_are_booked_both_or_not_at_all(composition: Any, make: Any) -> None:
     await publish_short(composition, make)
     parts = composition.parts
-    failing = replace(parts.bookings, mint=NoSecondInstruction())
+    failing = replace(parts.bookings, context=replace(parts, mint=NoSecondInstruction()))
     drones = Shortlist.of([make.candidate(1), make.candidate(2)])
 
     with pytest.raises(RuntimeError):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.world import World, compose_in
+from skyway_composition.planning.world import World
 from skyway_composition.tables import pad_reservations
 from sqlalchemy import insert
 
@@ -79,7 +79,7 @@ async def test_only_pads_near_a_request_are_read(composition: Any, make: Any) ->
     world = await look(composition)
     problem = make_problem(composition, make, world, "h", "l")
 
-    plan = await compose_in(composition.parts.inquiries, world, problem)
+    plan = await composition.parts.inquiries.compose_in(world, problem)
 
     assert plan.status == "optimal"
     assert [each for each in ROW if world.pads.has_read(StationId(each))] == list("hijklm")
@@ -114,7 +114,7 @@ async def test_the_plan_is_as_early_as_with_every_reservation_read(
             world = await look(composition, "city")
             problem = make_problem(composition, make, world, *rng.sample(stations, 3))
 
-            plan = await compose_in(solver, world, problem)
+            plan = await solver.compose_in(world, problem)
 
             best = compose(problem, booked=everything.pads.book.seen_from(start_ms))
             assert (plan.status, plan.delivery_time_s) == (best.status, best.delivery_time_s)

@@ -4,8 +4,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.planning.closed_ahead import ClosedAhead
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import ClosedAhead, World
 
 from skyway.delivery.plan import Deliver
 from skyway.ids import StationId

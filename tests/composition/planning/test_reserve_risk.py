@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from skyway_composition.closures.network_weather import NetworkWeather
-from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.lower_bounds import LowerBounds
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import ClosedAhead, World
 from skyway_drone_agent.flying.step_checks import shortfall_of
 
 from skyway.contracts.flight_step import FlyStep

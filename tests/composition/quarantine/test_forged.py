@@ -6,7 +6,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.missions.following.replay import Replays
+from skyway_composition.missions.following.quarantine_routes import Replays
 from skyway_composition.quarantine.set_aside import Quarantine
 
 from skyway.contracts.drones import DroneSignature
@@ -129,7 +129,7 @@ async def test_two_forged_messages_raise_no_alarm(composition: Any, drone: Any, 
 async def test_a_forged_message_is_not_replayed(composition: Any, drone: Any, door: Door) -> None:
     await door.arrive((drone.state(activity="DOWN"), None))
     (row,) = await kept(composition)
-    replays = Replays(composition.db, composition.clock, composition.handler, door.book)
+    replays = Replays(composition.parts, composition.handler, door.book)
 
     with pytest.raises(Conflict, match="has not signed it"):
         await replays.replay(QuarantineId(row.quarantine_id))
@@ -144,7 +144,7 @@ async def test_a_signed_message_is_replayed(composition: Any, drone: Any, door: 
     await door.quarantine.step()
     (row,) = await kept(composition)
 
-    await Replays(composition.db, composition.clock, composition.handler, door.book).replay(
+    await Replays(composition.parts, composition.handler, door.book).replay(
         QuarantineId(row.quarantine_id)
     )
 

@@ -3,8 +3,8 @@
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from skyway_composition.quarantine import offenders
-from skyway_composition.quarantine.offenders import PUT_OUT_FOR, Offenders
+from skyway_composition.quarantine import set_aside
+from skyway_composition.quarantine.set_aside import PUT_OUT_FOR, Offenders
 
 NOW = datetime(2026, 3, 1, 12, tzinfo=UTC)
 SENDER, OTHER = ("prv_1", "drn_1"), ("prv_1", "drn_2")
@@ -49,7 +49,7 @@ def test_a_pardoned_sender_is_read_immediately() -> None:
 
 
 def test_the_memory_of_senders_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(offenders, "_MOST_SENDERS", 3)
+    monkeypatch.setattr(set_aside, "_MOST_SENDERS", 3)
     known = Offenders()
     known.note(SENDER, 50.0, now=NOW)
 

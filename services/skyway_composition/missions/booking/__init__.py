@@ -3,9 +3,8 @@
 `book` books, in `rounds` that plan and commit. `engage` claims drones and pads and adds the
 missions, `outcome` answers when no mission can be booked, `routes` serves the gateway, `store` has
 the SQL. `clear_way` makes standbys of other drones give way to a delivery: `standby_store` finds
-them, `move_standbys` moves those of QUEUED missions. `shared_trip` lets a request join a waiting
-mission.
+them.
 
-Offers that are held: `hold_quote` holds the best offers of a quote, `keep_offer` keeps an offer
-that is being accepted. `hold_store` is what is stored, and whether it can be booked as it is held.
+`keep_offer` holds the best offers of a quote, and an offer that is being accepted. `hold_store` is
+what is stored, and whether it can be booked as it is held.
 """

@@ -11,18 +11,16 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from functools import partial
 from time import perf_counter
+from typing import Protocol
 
-from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
+from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery, Mission
 from skyway.contracts.quote import HoldLoss
 from skyway.ids import DeliveryId, HoldId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
-from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count, observe
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database, Tx
-from skyway.units import moment_to_ms
+from skyway.runtime.sql.database import Tx
 from skyway_composition.calendar.commit import WorldChanged
+from skyway_composition.context import Context
 from skyway_composition.missions.booking.clear_way import Pause
 from skyway_composition.missions.booking.engage import claim, claim_delivery, engage
 from skyway_composition.missions.booking.hold_store import (
@@ -34,16 +32,30 @@ from skyway_composition.missions.booking.hold_store import (
 )
 from skyway_composition.missions.booking.outcome import pickup_unknown, with_hold_loss
 from skyway_composition.missions.booking.rounds import FoundOffer, Rounds
-from skyway_composition.missions.booking.shared_trip import SharedTrip, SharedTrips
 from skyway_composition.missions.booking.store import FirstLook, first_look
 from skyway_composition.missions.booking.turns import AskingOrder, Turns
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.store import close_delivery, lock_delivery
-from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.store import Present
 from skyway_composition.planning.offer import Offers
-from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
+
+
+class SharedTrip(Protocol):
+    """A trip that a request shares with the waiting mission of another delivery."""
+
+    async def join(self, context: Context, tx: Tx) -> Mission:
+        """Save it; returns the request's mission. `WorldChanged`: it must be planned again."""
+
+
+class SharedTrips(Protocol):
+    """Finds shared trips."""
+
+    async def find(
+        self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers
+    ) -> SharedTrip | None:
+        """The best shared trip; None if an offer is better."""
+
 
 log = logging.getLogger(__name__)
 
@@ -52,12 +64,7 @@ log = logging.getLogger(__name__)
 class Bookings:
     """Books missions for deliveries; wakes `calendars` when one is QUEUED behind another."""
 
-    db: Database
-    networks: PreparedNetworks
-    solver: SolverPool
-    clock: FleetClock
-    mint: Mint
-    calendars: Wake
+    context: Context
     turns: Turns = field(default_factory=Turns)
     pause: Pause = asyncio.sleep
     shared: SharedTrips | None = None
@@ -66,7 +73,7 @@ class Bookings:
     @property
     def rounds(self) -> Rounds:
         """The rounds of planning in which it books."""
-        return Rounds(self.db, self.networks, self.solver, self.clock, self.mint, self.pause)
+        return Rounds(self.context, self.pause)
 
     async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
         """The missions of this attempt: booked before, or booked now from the best offer.
@@ -89,18 +96,13 @@ class Bookings:
 
         Missions that have ended count too: their packages may be with the recipients already.
         """
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             if not await lock_delivery(tx, delivery_id):
                 missions = await store.missions_not_refused(tx.connection, delivery_id)
                 if missions:
                     return ClosedDelivery(is_closed=False, missions=missions)
-                await close_delivery(tx, delivery_id, self.now_ms)
+                await close_delivery(tx, delivery_id, self.context.now_ms)
             return ClosedDelivery(is_closed=True)
-
-    @property
-    def now_ms(self) -> int:
-        """The fleet clock's present moment in milliseconds."""
-        return moment_to_ms(self.clock.now())
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,20 +131,20 @@ class _Attempt:
 
     async def look(self) -> FirstLook:
         """What is booked for this attempt, and the calendars of the shortlist."""
-        async with self.bookings.db.read() as connection:
+        async with self.bookings.context.db.read() as connection:
             return await first_look(
                 connection,
                 self.delivery_id,
                 attempt=self.asked.attempt,
                 drone_ids=self.asked.shortlist.drone_ids,
                 pickup=self.asked.request.pickup.station_id,
-                now_ms=self.bookings.now_ms,
+                now_ms=self.bookings.context.now_ms,
                 own_hold=self.own_hold,
             )
 
     async def commit(self, tx: Tx, found: FoundOffer) -> Booking:
         """Reserve the drones and pads and send the missions, in one transaction."""
-        bookings = self.bookings
+        context = self.bookings.context
         earlier = await claim_delivery(
             tx, self.delivery_id, self.asked.attempt, exists=found.delivery_exists
         )
@@ -152,25 +154,24 @@ class _Attempt:
             # Locked before the network and the drones, as it is when it is deleted.
             await lock_hold(tx, self.own_hold)
         places = await claim(
+            context,
             tx,
             found.offer,
             found.world,
             calendars=found.calendars,
-            clock=bookings.clock,
             own_hold=self.own_hold,
             moves=found.moves,
         )
         if len(places) < len(found.offer.parts):
-            tx.after_commit(bookings.calendars.set)
+            tx.after_commit(context.calendars.set)
         missions = await engage(
+            context,
             tx,
             found.offer,
             found.world,
             places=places,
             delivery_id=self.delivery_id,
             attempt=self.asked.attempt,
-            clock=bookings.clock,
-            mint=bookings.mint,
         )
         return Booking(outcome="BOOKED", missions=missions)
 
@@ -194,7 +195,7 @@ class _Attempt:
             if isinstance(booked, Booking):
                 return booked
             loss = booked
-        order = AskingOrder.of(self.delivery_id, self.asked, self.bookings.clock.now())
+        order = AskingOrder.of(self.delivery_id, self.asked, self.bookings.context.clock.now())
         with self.bookings.turns.line_up(seen.around.network_id, order) as turn:
             booking = await self.bookings.rounds.run(self, seen, turn)
         return booking if loss is None else with_hold_loss(booking, loss)
@@ -206,21 +207,30 @@ class _Attempt:
         bookings, offer = self.bookings, self.asked.offer
         if offer is None or offer.hold is None:
             return "EXPIRED"
-        async with bookings.db.read() as connection:
+        async with bookings.context.db.read() as connection:
             hold = await find_hold(connection, own_hold)
-        held = held_offer(hold, offer.hold.number, now_ms=bookings.now_ms)
+        held = held_offer(hold, offer.hold.number, now_ms=bookings.context.now_ms)
         if held is None or not held.keeps(offer):
             return "EXPIRED"
         now = await bookings.rounds.calendars(held.drone_ids, own_hold=own_hold)
         loss = hold_loss(
-            held, request=self.asked.request, present=present, now=now, now_ms=bookings.now_ms
+            held,
+            request=self.asked.request,
+            present=present,
+            now=now,
+            now_ms=bookings.context.now_ms,
         )
         if loss is not None:
             return loss
-        world = await World.at(present, bookings.networks, db=bookings.db, after_ms=bookings.now_ms)
+        world = await World.at(
+            present,
+            bookings.context.networks,
+            db=bookings.context.db,
+            after_ms=bookings.context.now_ms,
+        )
         found = _as_found(held, world, delivery_exists=seen.delivery_exists)
         try:
-            async with bookings.db.write() as tx:
+            async with bookings.context.db.write() as tx:
                 return await self.commit(tx, found)
         except (RowRefused, WorldChanged) as changed:
             about = {"delivery_id": self.delivery_id, "reason": repr(changed)}
@@ -230,7 +240,7 @@ class _Attempt:
     async def _join(self, found: SharedTrip, best: FoundOffer) -> Booking | None:
         """Join a waiting mission; None if anything has changed since it was planned."""
         try:
-            async with self.bookings.db.write() as tx:
+            async with self.bookings.context.db.write() as tx:
                 return await self._book_shared(tx, found, best)
         except (RowRefused, WorldChanged) as changed:
             about = {"delivery_id": self.delivery_id, "reason": repr(changed)}
@@ -243,8 +253,8 @@ class _Attempt:
         )
         if earlier is not None:
             return earlier
-        mission = await found.join(tx, clock=self.bookings.clock, mint=self.bookings.mint)
-        tx.after_commit(self.bookings.calendars.set)
+        mission = await found.join(self.bookings.context, tx)
+        tx.after_commit(self.bookings.context.calendars.set)
         tx.after_commit(_count_shared)
         return Booking(outcome="BOOKED", missions=(mission,))
 

@@ -6,29 +6,87 @@ a service, never to another standby.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from skyway.contracts.flight_step import DeliverStep, PickUpStep, ReturnStep
 from skyway.contracts.mission import BookMissions
 from skyway.contracts.quote import KeepOffer
 from skyway.delivery.plan import Recharge, Wait
-from skyway.ids import MissionId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.sql.database import Database
+from skyway.ids import DroneId, MissionId
+from skyway.runtime.sql.database import Tx
 from skyway.scheduling.giving_way import WORTH_MS, YieldingStandby, widened
 from skyway.scheduling.trip import NOTHING_TO_DELIVER, BookedPad, Trip
-from skyway.units import moment_to_ms
+from skyway_composition.context import Context
 from skyway_composition.margins import GIVES_WAY_LONGER, REACHES
-from skyway_composition.missions.booking.move_standbys import MovedStandby
 from skyway_composition.missions.booking.standby_store import unanswered, yielding_standbys
 from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.record import PlannedIn
-from skyway_composition.missions.mission.standby import trip_with_other_standby
+from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
+from skyway_composition.missions.mission.standby import (
+    restore_pads,
+    standby_steps,
+    trip_with_other_standby,
+    with_standby_of,
+)
+from skyway_composition.missions.mission.step_store import replace_steps, steps_of
 from skyway_composition.missions.replanning.give_way import StandbyRequests
+from skyway_composition.pads.store import hold
 from skyway_composition.planning.offer import Limits, Offer, Offers
-from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class MovedStandby:
+    """A QUEUED mission as it was read, the last of its drone, and its trip with another standby."""
+
+    standby: YieldingStandby
+    record: MissionRecord
+    trip: Trip
+
+    @property
+    def calendar_version(self) -> int:
+        """The number of its drone's calendar when the standby was found."""
+        return self.standby.calendar_version
+
+    @property
+    def drone_id(self) -> DroneId:
+        """The drone of the mission."""
+        return self.record.drone_id
+
+    @property
+    def pads(self) -> tuple[BookedPad, ...]:
+        """The pads that the mission holds before or after."""
+        return (*self.standby.pads, *self.trip.booked_pads)
+
+
+async def move_standbys(tx: Tx, moves: Iterable[MovedStandby], world: World) -> None:
+    """Give these missions their new standbys.
+
+    The links of their drones, with unchanged calendars, and the stations of their pads are locked.
+
+    Raises
+    ------
+    RowRefused
+        Another mission holds one of the pads.
+    """
+    for each in moves:
+        await _move(tx, each, world)
+
+
+async def _move(tx: Tx, moved: MovedStandby, world: World) -> None:
+    record, trip = moved.record, moved.trip
+    steps = [each.step for each in await steps_of(tx.connection, record.mission_id)]
+    first_step = 1 + max(
+        each.step_id for each in steps if isinstance(each, PickUpStep | DeliverStep | ReturnStep)
+    )
+    replacement = standby_steps(record, trip, world, first_step=first_step)
+    await replace_steps(tx, record.mission_id, replacement, first_step=first_step, revision=1)
+    await hold(tx, record.mission_id, trip.booked_pads)
+    mission = with_standby_of(record.mission, trip, revision=1)
+    await store.save_all(tx, [record.with_mission(mission)])
+    await restore_pads(tx, record.drone_id)
+
 
 #: How long a booking waits for the answers of drones, and how often it looks, seconds of wall time.
 #: Bookings behind it wait too. Our own choice.
@@ -117,10 +175,7 @@ class ClearedWay:
 class WaySearch:
     """Clears the way of one booking; drones are asked once."""
 
-    db: Database
-    solver: SolverPool
-    clock: FleetClock
-    requests: StandbyRequests
+    context: Context
     pause: Pause = asyncio.sleep
     _has_asked: bool = False
     _searches: int = 0
@@ -134,7 +189,7 @@ class WaySearch:
             return None
         self._searches += 1
         gap_ms = round(blocked.world.skyway.settings.pad_gap_s * 1000)
-        from_ms = self._now_ms() + REACHES.ms(self.clock)
+        from_ms = self.context.now_ms + REACHES.ms(self.context.clock)
         kept = {
             each.mission_id: each.kept_pads(not_before_ms=from_ms, gap_ms=gap_ms)
             for each in standbys
@@ -148,7 +203,7 @@ class WaySearch:
         in_the_way = [
             each for each in standbys if each.drone_id not in own and each.is_in_the_way(needed)
         ]
-        free_longer = widened(needed, by_ms=GIVES_WAY_LONGER.ms(self.clock))
+        free_longer = widened(needed, by_ms=GIVES_WAY_LONGER.ms(self.context.clock))
         to_ask = [each for each in in_the_way if each.is_sent]
         if to_ask:
             return await self._ask(to_ask, free_longer)
@@ -158,8 +213,8 @@ class WaySearch:
         holders = blocked.world.pads.holders(from_ms=blocked.begins_ms, until_ms=blocked.until_ms)
         if not holders:
             return []
-        async with self.db.read() as connection:
-            found = await yielding_standbys(connection, holders, now_ms=self._now_ms())
+        async with self.context.db.read() as connection:
+            found = await yielding_standbys(connection, holders, now_ms=self.context.now_ms)
         return [each for each in found if not (each.is_sent and self._has_asked)]
 
     async def _ask(
@@ -167,12 +222,13 @@ class WaySearch:
     ) -> ClearedWay | None:
         """Ask these drones one after the other, and wait for their answers."""
         self._has_asked = True
-        asked = [each.mission_id for each in standbys if await self.requests.ask(each, needed)]
+        requests = StandbyRequests(self.context)
+        asked = [each.mission_id for each in standbys if await requests.ask(each, needed)]
         if not asked:
             return None
         for _ in range(round(_ANSWERS_WITHIN_S / _LOOKS_EVERY_S)):
             await self.pause(_LOOKS_EVERY_S)
-            async with self.db.read() as connection:
+            async with self.context.db.read() as connection:
                 if not await unanswered(connection, asked):
                     break
         return ClearedWay()
@@ -199,16 +255,13 @@ class WaySearch:
         return ClearedWay(offers.ranked[0], tuple(moves)) if offers.ranked else None
 
     async def _moved(self, standby: YieldingStandby, world: World) -> MovedStandby | None:
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             record = await store.get(connection, standby.mission_id, provider_id=None)
         planned_in = PlannedIn(world.skyway.version, world.conditions_version)
         if record is None or record.planned_in != planned_in or not record.stays:
             return None
-        trip = await trip_with_other_standby(self.solver, world, record)
+        trip = await trip_with_other_standby(self.context.solver, world, record)
         return MovedStandby(standby, record, trip) if isinstance(trip, Trip) else None
-
-    def _now_ms(self) -> int:
-        return moment_to_ms(self.clock.now())
 
 
 def _served_ms(offer: Offer) -> int:

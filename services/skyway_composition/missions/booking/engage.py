@@ -2,44 +2,38 @@
 
 from collections.abc import Mapping, Sequence
 
-from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.mission import Booking, Mission
 from skyway.ids import DeliveryId, DroneId, HoldId, MissionId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.tracing import current_traceparent
 from skyway.scheduling.trip import BookedPad, without
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.calendar.commit import WorldChanged, lock_as_seen
-from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.commit import Snapshot, WorldChanged, lock_as_seen
 from skyway_composition.calendar.store import raise_versions
+from skyway_composition.context import Context
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import claim_next_place
 from skyway_composition.margins import HAND_OVER
+from skyway_composition.missions.booking.clear_way import MovedStandby, move_standbys
 from skyway_composition.missions.booking.hold_store import (
     drones_of_hold,
     free_drones,
     free_pads,
 )
-from skyway_composition.missions.booking.move_standbys import MovedStandby, move_standbys
 from skyway_composition.missions.booking.store import claim_in_one_statement, missions_of
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
-    Custodian,
-    Held,
-    begin_custody,
+    begin_at_pickup,
     held_packages,
 )
 from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps, new_mission
 from skyway_composition.missions.mission.instruct import mission_draft
-from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
-from skyway_composition.missions.mission.release_pads import restore_pads
-from skyway_composition.missions.mission.standby import end_standby_before
+from skyway_composition.missions.mission.record import PlannedIn
+from skyway_composition.missions.mission.standby import end_standby_before, restore_pads
 from skyway_composition.missions.mission.step_store import add_steps
 from skyway_composition.missions.mission.unit_of_work import free_from, report_in
-from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.pads.store import give_way, lock_stations, pads_of_queued, reserve
 from skyway_composition.planning.availability import send_ahead_ms
 from skyway_composition.planning.offer import Offer, Part
@@ -48,6 +42,7 @@ from skyway_composition.planning.world import World
 
 
 async def engage(
+    context: Context,
     tx: Tx,
     offer: Offer,
     world: World,
@@ -55,8 +50,6 @@ async def engage(
     places: Mapping[DroneId, InstructionPlace],
     delivery_id: DeliveryId,
     attempt: int,
-    clock: FleetClock,
-    mint: Mint,
 ) -> tuple[Mission, ...]:
     """Add the missions of a claimed offer, and send them as instructions at these places.
 
@@ -64,7 +57,8 @@ async def engage(
     are added when the transaction ends. It then fails with `RowRefused` if another mission has one
     of the drones or pads.
     """
-    skyway, courier = world.skyway, Courier(clock, mint)
+    skyway, clock, mint = world.skyway, context.clock, context.mint
+    courier = Courier(clock, mint)
     expires_at = courier.expiry()
     records = [
         new_mission(
@@ -108,7 +102,13 @@ async def engage(
         for record in records
     ]
     steps = [
-        _steps_of(record, part, skyway) for record, part in zip(records, offer.parts, strict=True)
+        flight_steps(
+            skyway.network,
+            list(part.trip.steps()),
+            terms=StepTerms.of(record, skyway.settings),
+            first_step=1,
+        )
+        for record, part in zip(records, offer.parts, strict=True)
     ]
     for record, own in zip(records, steps, strict=True):
         store.add(tx, record, next_end_ms=moment_to_ms(own[0].planned_end_at))
@@ -117,7 +117,10 @@ async def engage(
         for record, part in zip(records, offer.parts, strict=True)
     }
     reserve(tx, by_mission)
-    await _begin_custody(tx, records)
+    held = await held_packages(tx.connection, delivery_id) if attempt > 1 else {}
+    for record in records:
+        ids = [each.package_id for each in record.request.packages]
+        begin_at_pickup(tx, record, [each for each in ids if each not in held])
     for record, own in zip(records, steps, strict=True):
         add_steps(tx, record.mission_id, own)
         if record.drone_id not in places:
@@ -139,36 +142,13 @@ async def _needed_pads(tx: Tx, part: Part) -> Sequence[BookedPad]:
     return without(part.trip.booked_pads, queued)
 
 
-def _steps_of(record: MissionRecord, part: Part, skyway: PreparedNetwork) -> tuple[FlightStep, ...]:
-    return flight_steps(
-        skyway.network,
-        list(part.trip.steps()),
-        terms=StepTerms.of(record, skyway.settings),
-        first_step=1,
-    )
-
-
-async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
-    """Note that the pickup station holds the packages, unless an earlier attempt did so."""
-    first = records[0].mission
-    held = await held_packages(tx.connection, first.delivery_id) if first.attempt > 1 else {}
-    for record in records:
-        station = Custodian("STATION", record.request.pickup.station_id)
-        rows = [
-            Held(package.package_id, 1, station)
-            for package in record.request.packages
-            if package.package_id not in held
-        ]
-        begin_custody(tx, record, rows, at_ms=moment_to_ms(record.mission.start_at))
-
-
 async def claim(
+    context: Context,
     tx: Tx,
     offer: Offer,
     world: World,
     *,
     calendars: Mapping[DroneId, int],
-    clock: FleetClock,
     own_hold: HoldId | None = None,
     moves: Sequence[MovedStandby] = (),
 ) -> dict[DroneId, InstructionPlace]:
@@ -186,7 +166,7 @@ async def claim(
         A network was published, or a closure made or lifted, since the world was read (I11), or
         the calendar of a drone has not the number of `calendars` or of its move.
     """
-    now_ms = moment_to_ms(clock.now())
+    now_ms, clock = context.now_ms, context.clock
     parts = sorted(offer.parts, key=lambda each: each.candidate.drone_id)
     providers = {each.candidate.drone_id: each.candidate.provider_id for each in parts}
     moving = {each.drone_id: each.calendar_version for each in moves}

@@ -19,7 +19,7 @@ from skyway.json_model import JsonModel
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.scheduling.trip import BookedPad, merged
-from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.commit import Snapshot
 from skyway_composition.missions.booking.store import SeenCalendars
 from skyway_composition.networks.store import Present
 from skyway_composition.planning.offer import Offer

@@ -1,26 +1,44 @@
-"""Keeps an offer that a customer accepts now, or says why it cannot be kept.
+"""Holds offers: while a customer looks at a quote, and while an accepted offer is booked.
 
+A held offer of a quote is planned to begin when its hold has expired, at the earliest: its drone is
+kept on the ground until then, and the customer may accept at the last moment.
+
+An offer that a customer accepts now is kept, or its loss is explained.
 The gateway answers the customer only after that. The drones and pads of the offer are held until
 the gateway has written the delivery and booked it. If the gateway dies before, the hold expires by
 itself.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import timedelta
+from typing import Final
 
 from skyway.contracts.mission import Booking, OfferHold
-from skyway.contracts.quote import HoldLoss, KeepOffer, KeptOffer
+from skyway.contracts.quote import (
+    HOLD_GRACE_S,
+    HoldLoss,
+    HoldTerms,
+    KeepOffer,
+    KeptOffer,
+    QuoteAnswer,
+    QuoteQuery,
+)
+from skyway.delivery.offer import BestValues
 from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.ids import DeliveryId, DroneId, HoldId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.sql.database import Database, Tx
-from skyway.units import moment_to_ms
-from skyway_composition.margins import ACCEPTED_IS_BOOKED
-from skyway_composition.missions.booking.hold_quote import claim_for_hold
+from skyway.runtime.errors import Conflict, RowRefused
+from skyway.runtime.sql.database import Tx
+from skyway.scheduling.trip import BookedPad, without
+from skyway_composition.calendar.commit import Snapshot, WorldChanged, lock_as_seen
+from skyway_composition.context import Context
+from skyway_composition.margins import ACCEPTED_IS_BOOKED, Margin
 from skyway_composition.missions.booking.hold_store import (
     HeldOffer,
     Hold,
     add_hold,
     delete_expired,
+    drones_of_hold,
     extend_hold,
     find_hold,
     free_drones,
@@ -28,21 +46,194 @@ from skyway_composition.missions.booking.hold_store import (
     held_offer,
     hold_loss,
     lock_hold,
+    pads_of_drones,
+    pads_of_offers,
+    slots_of,
 )
 from skyway_composition.missions.booking.outcome import with_hold_loss
 from skyway_composition.missions.booking.rounds import FoundOffer, Rounds
-from skyway_composition.missions.booking.store import FirstLook, first_look
+from skyway_composition.missions.booking.store import FirstLook, first_look, seen_calendars
 from skyway_composition.missions.booking.turns import AskingOrder, Turns
-from skyway_composition.planning.offer import Offers
+from skyway_composition.networks.store import Present
+from skyway_composition.pads.store import lock_stations
+from skyway_composition.planning.availability import Availability, start_ms
+from skyway_composition.planning.find_trip import TripFinder
+from skyway_composition.planning.offer import Limits, Offers, terms_of
+from skyway_composition.planning.plan_offers import best_of_each
+from skyway_composition.planning.refusals import refused_for_all
+from skyway_composition.planning.world import World
+
+#: At most this many offers of a quote are held, the best first. Our own choice.
+MOST_HELD_OFFERS: Final = 3
+
+#: Failed rounds before a quote is answered without a hold.
+_MOST_ROUNDS: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class _Planned:
+    """What providers would offer now, and what it was planned with."""
+
+    world: World
+    calendars: Mapping[DroneId, int]
+    offers: Offers
+
+    def answer(self, query: QuoteQuery, *, held: int = 0) -> QuoteAnswer:
+        """The answer with these offers, of which the first `held` are held."""
+        ranked, weights = self.offers.ranked, query.request.qos.ranking
+        if not ranked:
+            return QuoteAnswer(offers=(), infeasible=self.offers.reasons)
+        best = BestValues.of(offer.values for offer in ranked)
+        terms = [terms_of(each, best=best, weights=weights, world=self.world) for each in ranked]
+        return QuoteAnswer(
+            offers=tuple(
+                each.model_copy(update={"is_held": number < held})
+                for number, each in enumerate(terms)
+            ),
+            infeasible=self.offers.reasons,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Quotes:
+    """Answers requests for quotes, with and without a hold."""
+
+    context: Context
+
+    async def answer(self, query: QuoteQuery) -> QuoteAnswer:
+        """The best offer of each provider, best first, and why the others make no offer.
+
+        Raises
+        ------
+        Conflict
+            TOO_MANY_HOLDS: the customer holds as many quotes as it may.
+        """
+        if query.hold is not None:
+            for _ in range(_MOST_ROUNDS):
+                answer = await self._hold_in_round(query, query.hold)
+                if answer is not None:
+                    return answer
+        planned = await self._plan(query, life_s=0.0)
+        return planned.answer(query) if isinstance(planned, _Planned) else planned
+
+    async def _plan(self, query: QuoteQuery, *, life_s: float) -> _Planned | QuoteAnswer:
+        """The best offer of each provider that begins after `life_s` seconds of wall time.
+
+        When no network has the pickup station, it is the answer that says so.
+        """
+        context, request, shortlist = self.context, query.request, query.shortlist
+        pickup = request.pickup.station_id
+        world = await World.around(pickup, context.networks, db=context.db, after_ms=context.now_ms)
+        if world is None:
+            detail = await context.networks.why_missing(pickup)
+            reasons = refused_for_all(shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail)
+            return QuoteAnswer(offers=(), infeasible=tuple(reasons))
+        begins_ms = max(
+            start_ms(context.clock, earliest_at=request.begins_after),
+            start_ms(context.clock, earliest_at=None) + self._fleet_ms(life_s),
+        )
+        async with context.db.read() as connection:
+            now_ms = context.now_ms
+            calendars = await seen_calendars(connection, shortlist.drone_ids, now_ms=now_ms)
+        limits, booked = Limits.of_whole(request.qos), calendars.missions
+        offers = await best_of_each(
+            TripFinder(context.solver, world, begins_ms, limits.latest_ms),
+            request,
+            shortlist=shortlist,
+            available=Availability.of(booked, begins_ms=begins_ms, clock=context.clock),
+            gaps=[*Availability.in_gaps(booked, begins_ms=begins_ms, clock=context.clock)],
+            limits=limits,
+        )
+        return _Planned(world, calendars.versions, offers)
+
+    async def _hold_in_round(self, query: QuoteQuery, terms: HoldTerms) -> QuoteAnswer | None:
+        """The answer with held offers; None when another booking was faster."""
+        await delete_expired(self.context.db, now_ms=self.context.now_ms)
+        async with self.context.db.read() as connection:
+            self._free_slot(await slots_of(connection, terms.customer_id), terms)
+        held_until_at = self.context.clock.wall_now() + timedelta(seconds=terms.life_s)
+        planned = await self._plan(query, life_s=terms.life_s)
+        if not isinstance(planned, _Planned):
+            return planned
+        first, present = planned.offers.ranked[:MOST_HELD_OFFERS], planned.world.present
+        if not first:
+            return planned.answer(query)
+        until_ms = self.context.now_ms + self._fleet_ms(terms.life_s + HOLD_GRACE_S)
+        held = tuple(HeldOffer.of(each, present) for each in first)
+        try:
+            async with self.context.db.write() as tx:
+                pads = await claim_for_hold(tx, held, present, planned.calendars)
+                slots = await slots_of(tx.connection, terms.customer_id)
+                slot = self._free_slot(slots, terms)
+                hold = Hold(terms.hold_id, until_ms, held)
+                await add_hold(tx, hold, customer_id=terms.customer_id, slot=slot, pads=pads)
+        except (RowRefused, WorldChanged):
+            return None
+        answer = planned.answer(query, held=len(held))
+        return answer.model_copy(update={"held_until_at": held_until_at})
+
+    def _free_slot(self, slots: Mapping[int, int], terms: HoldTerms) -> int:
+        """A free slot number for the customer's next hold; unique in the database."""
+        for slot in range(1, terms.most + 1):
+            if slot not in slots:
+                return slot
+        if not slots:
+            raise Conflict("TOO_MANY_HOLDS", f"the limit is {terms.most} quotes")
+        first_ms = min(slots.values()) - self._fleet_ms(HOLD_GRACE_S)
+        wait_s = (first_ms - self.context.now_ms) / 1000 / self.context.clock.rate
+        expires_at = self.context.clock.wall_now() + timedelta(seconds=max(0.0, wait_s))
+        raise Conflict(
+            "TOO_MANY_HOLDS",
+            f"{len(slots)} quotes are held and the limit is {terms.most}; the next hold expires at "
+            f"{expires_at:%Y-%m-%dT%H:%M:%SZ}",
+        )
+
+    def _fleet_ms(self, wall_s: float) -> int:
+        """A span of wall time, in milliseconds of fleet time."""
+        return Margin(0.0, wall_s).ms(self.context.clock)
+
+
+async def claim_for_hold(
+    tx: Tx,
+    offers: Sequence[HeldOffer],
+    present: Present,
+    calendars: Mapping[DroneId, int],
+    *,
+    own_hold: HoldId | None = None,
+) -> tuple[BookedPad, ...]:
+    """Lock what these offers need and free `own_hold`; returns the pads to hold.
+
+    Pads that a mission of the same drone has reserved are not held twice.
+
+    Raises
+    ------
+    WorldChanged
+        A network was published, a closure made or lifted, or the calendar of a drone has changed,
+        since the offers were planned in `present` and with `calendars`.
+    """
+    drones = {
+        part.candidate.drone_id: part.candidate.provider_id
+        for held in offers
+        for part in held.offer.parts
+    }
+    seen = Snapshot(present, {each: calendars[each] for each in drones})
+    await lock_as_seen(tx, seen, providers=drones, also=await drones_of_hold(tx, own_hold))
+    if own_hold is not None:
+        await free_drones(tx, own_hold)
+    own_pads = await pads_of_drones(tx.connection, tuple(drones))
+    pads = without(pads_of_offers(offers), own_pads)
+    await lock_stations(tx, pads)
+    if own_hold is not None:
+        await free_pads(tx, own_hold)
+    return pads
 
 
 @dataclass(frozen=True, slots=True)
 class OfferKeeper:
     """Keeps offers while they are accepted, and gives up holds that are not needed."""
 
-    db: Database
+    context: Context
     rounds: Rounds
-    clock: FleetClock
     turns: Turns
 
     async def keep(self, asked: KeepOffer) -> KeptOffer:
@@ -58,7 +249,7 @@ class OfferKeeper:
         if seen.around is None:
             return KeptOffer(hold=None)
         rank = PRIORITY_RANKS[asked.request.qos.priority]
-        order = AskingOrder(rank, self.clock.now(), DeliveryId(asked.hold_id))
+        order = AskingOrder(rank, self.context.clock.now(), DeliveryId(asked.hold_id))
         with self.turns.line_up(seen.around.network_id, order) as turn:
             done = await self.rounds.run(acceptance, seen, turn)
         if not isinstance(done, Booking):
@@ -68,7 +259,7 @@ class OfferKeeper:
 
     async def release(self, hold_id: HoldId) -> None:
         """Give up what a hold keeps; nothing happens if there is no such hold."""
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             if await lock_hold(tx, hold_id) is not None:
                 await free_drones(tx, hold_id)
                 await free_pads(tx, hold_id)
@@ -78,13 +269,8 @@ class OfferKeeper:
 
         No reader counts them any more, but the database still refuses other rows for their pads.
         """
-        await delete_expired(self.db, now_ms=self.now_ms)
+        await delete_expired(self.context.db, now_ms=self.context.now_ms)
         return False
-
-    @property
-    def now_ms(self) -> int:
-        """The fleet clock's present moment in milliseconds."""
-        return moment_to_ms(self.clock.now())
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,36 +292,36 @@ class _Acceptance:
 
     async def look(self) -> FirstLook:
         """The calendars of the shortlist."""
-        async with self.keeper.db.read() as connection:
+        async with self.keeper.context.db.read() as connection:
             return await first_look(
                 connection,
                 DeliveryId(self.asked.hold_id),
                 attempt=1,
                 drone_ids=self.asked.shortlist.drone_ids,
                 pickup=self.asked.request.pickup.station_id,
-                now_ms=self.keeper.now_ms,
+                now_ms=self.keeper.context.now_ms,
                 own_hold=self.own_hold,
             )
 
     async def extend(self, seen: FirstLook) -> HoldLoss | None:
         """Hold the offer until it is booked; or why it cannot be booked as it is held."""
         keeper, asked = self.keeper, self.asked
-        async with keeper.db.read() as connection:
+        async with keeper.context.db.read() as connection:
             hold = await find_hold(connection, self.own_hold)
-        held = held_offer(hold, self.accepted.number, now_ms=keeper.now_ms)
+        held = held_offer(hold, self.accepted.number, now_ms=keeper.context.now_ms)
         if held is None or seen.around is None or not held.keeps(asked.offer):
             return "EXPIRED"
         if not _are_candidates(held, asked.shortlist.drone_ids):
             return "DRONE_NOT_FREE"
         now = await keeper.rounds.calendars(held.drone_ids, own_hold=self.own_hold)
         loss = hold_loss(
-            held, request=asked.request, present=seen.around, now=now, now_ms=keeper.now_ms
+            held, request=asked.request, present=seen.around, now=now, now_ms=keeper.context.now_ms
         )
         if loss is not None:
             return loss
-        async with keeper.db.write() as tx:
+        async with keeper.context.db.write() as tx:
             locked = await lock_hold(tx, self.own_hold)
-            if locked is None or locked.until_ms <= keeper.now_ms:
+            if locked is None or locked.until_ms <= keeper.context.now_ms:
                 return "EXPIRED"
             if locked.until_ms < self._until_ms():
                 await extend_hold(tx, self.own_hold, until_ms=self._until_ms())
@@ -157,7 +343,7 @@ class _Acceptance:
         """An offer that is accepted joins no other mission."""
 
     def _until_ms(self) -> int:
-        return self.keeper.now_ms + ACCEPTED_IS_BOOKED.ms(self.keeper.clock)
+        return self.keeper.context.now_ms + ACCEPTED_IS_BOOKED.ms(self.keeper.context.clock)
 
 
 def _are_candidates(held: HeldOffer, drone_ids: tuple[DroneId, ...]) -> bool:

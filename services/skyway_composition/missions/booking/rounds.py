@@ -16,26 +16,26 @@ from skyway.contracts.mission import Booking, BookMissions
 from skyway.contracts.quote import KeepOffer
 from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DroneId, HoldId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.metrics import count
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database, Tx
-from skyway.units import moment_to_ms
+from skyway.runtime.sql.database import Tx
 from skyway_composition.calendar.commit import WorldChanged
-from skyway_composition.missions.booking.clear_way import Blocked, ClearedWay, Pause, WaySearch
+from skyway_composition.context import Context
+from skyway_composition.missions.booking.clear_way import (
+    Blocked,
+    ClearedWay,
+    MovedStandby,
+    Pause,
+    WaySearch,
+)
 from skyway_composition.missions.booking.hold_store import delete_expired
-from skyway_composition.missions.booking.move_standbys import MovedStandby
 from skyway_composition.missions.booking.outcome import all_taken, pickup_unknown, without_offer
 from skyway_composition.missions.booking.store import FirstLook, SeenCalendars, seen_calendars
 from skyway_composition.missions.booking.turns import Turn
-from skyway_composition.missions.replanning.give_way import StandbyRequests
-from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.availability import Availability, BookedMission, start_ms
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.offer import Limits, Offer, Offers
 from skyway_composition.planning.plan_offers import plan_in_calendars
-from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
@@ -110,11 +110,7 @@ class _Round:
 class Rounds:
     """Plans offers in rounds, until one is committed; `pause` passes while drones are asked."""
 
-    db: Database
-    networks: PreparedNetworks
-    solver: SolverPool
-    clock: FleetClock
-    mint: Mint
+    context: Context
     pause: Pause = asyncio.sleep
 
     async def run(
@@ -129,7 +125,7 @@ class Rounds:
         """
         asked, own_hold = cause.asked, cause.own_hold
         reasons: tuple[ProviderReason, ...] = ()
-        search = self._search()
+        search = WaySearch(self.context, self.pause)
         for round_number in range(_MOST_ROUNDS):
             if round_number:
                 seen = await cause.look()
@@ -137,8 +133,10 @@ class Rounds:
                 return Booking(outcome="BOOKED", missions=seen.booked)
             if seen.around is None:
                 return pickup_unknown(asked)
-            now_ms = moment_to_ms(self.clock.now())
-            world = await World.at(seen.around, self.networks, db=self.db, after_ms=now_ms)
+            now_ms = self.context.now_ms
+            world = await World.at(
+                seen.around, self.context.networks, db=self.context.db, after_ms=now_ms
+            )
             if own_hold is not None:
                 world = world.without([own_hold])
             this_round = self._round(
@@ -155,13 +153,9 @@ class Rounds:
         self, drone_ids: Collection[DroneId], *, own_hold: HoldId | None = None
     ) -> SeenCalendars:
         """The missions of these drones that are not over, or that the drones may still fly."""
-        now_ms = moment_to_ms(self.clock.now())
-        async with self.db.read() as connection:
+        now_ms = self.context.now_ms
+        async with self.context.db.read() as connection:
             return await seen_calendars(connection, drone_ids, now_ms=now_ms, own_hold=own_hold)
-
-    async def engaged(self, drone_ids: Collection[DroneId]) -> tuple[BookedMission, ...]:
-        """The missions of these drones, as `calendars` reads them."""
-        return (await self.calendars(drone_ids)).missions
 
     def _round(
         self,
@@ -173,7 +167,7 @@ class Rounds:
     ) -> _Round:
         offer, shortlist = asked.offer, asked.shortlist
         begins_ms = start_ms(
-            self.clock,
+            self.context.clock,
             earliest_at=asked.request.begins_after,
             # After a round that came too late, the next round has twice the time.
             margin_factor=2**round_number,
@@ -232,8 +226,8 @@ class Rounds:
             if shared is not None and (joined := await shared()) is not None:
                 return joined, offers.reasons
             try:
-                async with self.db.write() as tx:
-                    found.check_start(moment_to_ms(self.clock.now()))
+                async with self.context.db.write() as tx:
+                    found.check_start(self.context.now_ms)
                     return await cause.commit(tx, found), offers.reasons
             except RowRefused as taken:
                 about = {"delivery_id": turn.order.delivery_id, "by": taken.constraint}
@@ -241,7 +235,7 @@ class Rounds:
                 _count_conflict(taken.constraint)
                 # Every other offer was planned around the same pads. The pads may be those of a
                 # hold that has expired and is not deleted yet.
-                await delete_expired(self.db, now_ms=moment_to_ms(self.clock.now()))
+                await delete_expired(self.context.db, now_ms=self.context.now_ms)
                 return None, offers.reasons
             except WorldChanged as changed:
                 _count_conflict("calendar" if changed.drones else "outdated")
@@ -254,7 +248,7 @@ class Rounds:
 
     def _finder(self, this_round: _Round) -> TripFinder:
         begins_ms, latest_ms = this_round.begins_ms, this_round.limits.latest_ms
-        return TripFinder(self.solver, this_round.world, begins_ms, latest_ms)
+        return TripFinder(self.context.solver, this_round.world, begins_ms, latest_ms)
 
     async def _offers(
         self,
@@ -268,8 +262,8 @@ class Rounds:
             finder,
             asked.request,
             shortlist=this_round.shortlist,
-            available=Availability.of(engaged, begins_ms=begins_ms, clock=self.clock),
-            gaps=Availability.in_gaps(engaged, begins_ms=begins_ms, clock=self.clock),
+            available=Availability.of(engaged, begins_ms=begins_ms, clock=self.context.clock),
+            gaps=Availability.in_gaps(engaged, begins_ms=begins_ms, clock=self.context.clock),
             limits=this_round.limits,
         )
 
@@ -290,10 +284,6 @@ class Rounds:
 
         world, begins_ms = this_round.world, this_round.begins_ms
         return await search.clear(Blocked(asked, world, begins_ms, this_round.limits, offers), plan)
-
-    def _search(self) -> WaySearch:
-        requests = StandbyRequests(self.db, self.networks, self.solver, self.clock, self.mint)
-        return WaySearch(self.db, self.solver, self.clock, requests, self.pause)
 
 
 def _count_conflict(by: str) -> None:

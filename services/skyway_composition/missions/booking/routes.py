@@ -12,7 +12,7 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.missions.booking.book import Bookings
 from skyway_composition.missions.booking.keep_offer import OfferKeeper
-from skyway_composition.planning.no_shows import NoShows
+from skyway_composition.planning.no_show_store import NoShows
 
 
 def booking_routes(

@@ -31,11 +31,11 @@ from skyway.planner.pad_book import OPEN_MS
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.scheduling.stays import Slot, read_stays
-from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.commit import Snapshot
 from skyway_composition.calendar.store import calendar_versions
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import COUNT_NEXT, HELD, OCCUPIED
-from skyway_composition.missions.mission.row import read_record
+from skyway_composition.missions.mission.record import read_record
 from skyway_composition.missions.mission.share_views import mission_for
 from skyway_composition.networks.store import Present
 from skyway_composition.pads.store import LOCK_STATIONS

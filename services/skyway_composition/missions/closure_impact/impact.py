@@ -1,35 +1,29 @@
-"""What closures do to live missions: missions that a closure hits need other plans.
+"""What closures do to live missions: missions that a closure hits need other plans, or come later.
 
 Ground stops are checked again and again, because the next take-off of a mission changes.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import asyncio
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 from skyway.drone.model import DroneModel
-from skyway.ids import NetworkId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.loops import Wake
-from skyway.runtime.minting import Mint
+from skyway.ids import ClosureId, MissionId, NetworkId
 from skyway.runtime.sql.database import Database, Tx
-from skyway.units import moment_to_ms, ms_to_moment
+from skyway.units import ms_to_moment
 from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import (
     AffectedMission,
     Closure,
     ClosureKind,
+    ForeseenDelay,
     Reach,
     WeatherOfModels,
 )
 from skyway_composition.closures.store import ground_stops
+from skyway_composition.context import Context
 from skyway_composition.missions.closure_impact import store
-from skyway_composition.missions.closure_impact.delays import (
-    MOST_PLANNED,
-    delays_of,
-    situations_of,
-    with_delays,
-)
 from skyway_composition.missions.closure_impact.hits import (
     HeldPad,
     HitMissions,
@@ -46,8 +40,65 @@ from skyway_composition.missions.closure_impact.store import Reader
 from skyway_composition.missions.mission.record import Trouble
 from skyway_composition.missions.mission.store import models_of_missions
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.check_plan import request_plans
 from skyway_composition.missions.replanning.foresee import Foresight, rehearsed
-from skyway_composition.missions.replanning.request_plan import request_plans
+from skyway_composition.missions.replanning.outlook import MissionOutlook, Rehearsed
+from skyway_composition.missions.replanning.situation import Situation
+
+#: For how many missions a dry run plans; operators see how many more there are. Our own choice.
+MOST_PLANNED: Final = 20
+
+#: The id of a closure that is not made.
+_SUPPOSED: Final = ClosureId("supposed")
+
+
+async def situations_of(
+    work: MissionUnitOfWork, mission_ids: Collection[MissionId]
+) -> list[Situation]:
+    """The situations of these missions, as far as they are still under way."""
+    records = [each for each in work.missions.values() if each.mission_id in mission_ids]
+    return [await Situation.of(work, each) for each in records]
+
+
+async def delays_of(
+    foresight: Foresight, seen: Sequence[Rehearsed], closure: Closure
+) -> dict[MissionId, ForeseenDelay]:
+    """The delay of each mission; all missions are planned at the same time."""
+    supposed = (replace(closure, closure_id=_SUPPOSED),)
+    outlooks = await asyncio.gather(*(foresight.outlook(each, supposed=supposed) for each in seen))
+    ids = [each.before.record.mission_id for each in seen]
+    return dict(zip(ids, map(_delay, outlooks), strict=True))
+
+
+def with_delays(
+    missions: Iterable[AffectedMission], delays: Mapping[MissionId, ForeseenDelay]
+) -> tuple[AffectedMission, ...]:
+    """The missions with the delays that are known."""
+    return tuple(
+        each.model_copy(update={"delay": delays.get(each.mission_id)}) for each in missions
+    )
+
+
+def _delay(outlook: MissionOutlook) -> ForeseenDelay:
+    return ForeseenDelay(
+        plan=outlook.plan,
+        later_by_s=_later_by_s(outlook),
+        code=outlook.code,
+        detail=outlook.detail,
+    )
+
+
+def _later_by_s(outlook: MissionOutlook) -> float | None:
+    """How much later the last package is delivered; 0 without a package, None if one is not."""
+    arrivals = [(each.eta_at, each.new_eta_at) for each in outlook.packages]
+    before = [eta_at for eta_at, _ in arrivals if eta_at is not None]
+    after = [new_eta_at for _, new_eta_at in arrivals if new_eta_at is not None]
+    if not arrivals:
+        return 0.0
+    if len(after) < len(arrivals) or not before:
+        return None
+    return (max(after) - max(before)).total_seconds()
+
 
 _CODES: Final[Mapping[ClosureKind, str]] = {
     "STATION": "STATION_CLOSED",
@@ -68,28 +119,24 @@ _TOO_MUCH_WIND: Final = Trouble(
 class MissionImpact:
     """The impact of closures on missions; wakes `stuck` when some need other plans."""
 
-    clock: FleetClock
-    mint: Mint
-    stuck: Wake
+    context: Context
     foresight: Foresight
 
     async def preview(self, db: Database, reach: Reach) -> tuple[AffectedMission, ...]:
         """The missions that a closure would hit, in the order of their hits."""
         async with db.read() as reader:
-            found = await _find_hits(reader, reach, now_ms=self._now_ms)
+            found = await _find_hits(reader, reach, now_ms=self.context.now_ms)
         return found.shown()
 
     async def foresee(self, db: Database, reach: Reach) -> tuple[AffectedMission, ...]:
         """As `preview`, with the delays of the first `MOST_PLANNED` missions."""
         async with db.read() as reader:
-            found = await _find_hits(reader, reach, now_ms=self._now_ms)
+            found = await _find_hits(reader, reach, now_ms=self.context.now_ms)
         first = found.first(MOST_PLANNED)
         if not first.hits:
             return ()
         async with db.rehearse() as tx:
-            work = await MissionUnitOfWork.lock(
-                first.drone_ids, tx=tx, clock=self.clock, mint=self.mint
-            )
+            work = await MissionUnitOfWork.lock(self.context, tx, first.drone_ids)
             before = await situations_of(work, {hit.owner.mission_id for hit in first.hits})
             await _trouble_all(work, reach, first)
             seen = [await rehearsed(work, each) for each in before]
@@ -98,25 +145,23 @@ class MissionImpact:
 
     async def apply(self, tx: Tx, reach: Reach) -> tuple[AffectedMission, ...]:
         """Request other plans for the missions that a closure hits, and return these missions."""
-        found = await _find_hits(tx.connection, reach, now_ms=self._now_ms)
+        found = await _find_hits(tx.connection, reach, now_ms=self.context.now_ms)
         if not found.hits:
             return ()
-        work = await MissionUnitOfWork.lock(
-            found.drone_ids, tx=tx, clock=self.clock, mint=self.mint
-        )
+        work = await MissionUnitOfWork.lock(self.context, tx, found.drone_ids)
         await _trouble_all(work, reach, found)
-        tx.after_commit(self.stuck.set)
+        tx.after_commit(self.context.stuck.set)
         return found.shown()
 
     async def retry(self, tx: Tx, reach: Reach) -> None:
         """Plan again for missions without a plan or held on the ground, after a closure ended."""
         await store.replan_waiting(tx, reach.closure.network_id)
-        tx.after_commit(self.stuck.set)
+        tx.after_commit(self.context.stuck.set)
 
     async def retry_all(self, tx: Tx, network_id: NetworkId) -> None:
         """Plan again for the missions of a network without a plan."""
         await store.replan_waiting(tx, network_id)
-        tx.after_commit(self.stuck.set)
+        tx.after_commit(self.context.stuck.set)
 
     async def models_in_flight(self, db: Database, network_id: NetworkId) -> tuple[DroneModel, ...]:
         """The models of the drones that have missions in a network."""
@@ -126,46 +171,41 @@ class MissionImpact:
 
     async def apply_weather(self, tx: Tx, network_id: NetworkId, weather: WeatherOfModels) -> int:
         """Request new plans for missions with flights on segments closed by the weather."""
-        found = await _closed_by_weather(tx.connection, network_id, weather, now_ms=self._now_ms)
+        found = await _closed_by_weather(
+            tx.connection, network_id, weather, now_ms=self.context.now_ms
+        )
         if not found.hits:
             return 0
-        work = await MissionUnitOfWork.lock(
-            found.drone_ids, tx=tx, clock=self.clock, mint=self.mint
-        )
+        work = await MissionUnitOfWork.lock(self.context, tx, found.drone_ids)
         hit_ids = {hit.owner.mission_id for hit in found.hits}
         records = [each for each in work.missions.values() if each.mission_id in hit_ids]
         await request_plans(work, records, _TOO_MUCH_WIND)
-        tx.after_commit(self.stuck.set)
+        tx.after_commit(self.context.stuck.set)
         return len(records)
-
-    @property
-    def _now_ms(self) -> int:
-        return moment_to_ms(self.clock.now())
 
 
 @dataclass(frozen=True, slots=True)
 class GroundStopEnforcer:
     """Requests other plans for missions whose next take-off a ground stop now forbids."""
 
-    db: Database
+    context: Context
     closings: Closings
-    clock: FleetClock
 
     async def step(self) -> bool:
         """Check all ground stops that are in force."""
-        async with self.db.read() as connection:
-            stops = await ground_stops(connection, at_ms=moment_to_ms(self.clock.now()))
+        async with self.context.db.read() as connection:
+            stops = await ground_stops(connection, at_ms=self.context.now_ms)
         for stop in stops:
             await self._enforce(stop)
         return False
 
     async def _enforce(self, stop: Closure) -> None:
         reach = await self.closings.reach(stop)
-        hit = await self.closings.impact.preview(self.db, reach)
-        async with self.db.read() as connection:
+        hit = await self.closings.impact.preview(self.context.db, reach)
+        async with self.context.db.read() as connection:
             unaware = await store.without_trouble(connection, [each.mission_id for each in hit])
         if unaware:
-            async with self.db.write() as tx:
+            async with self.context.db.write() as tx:
                 await self.closings.impact.apply(tx, reach)
 
 

@@ -1,28 +1,217 @@
 """Advances a mission: accepted, begun, packages loaded, delivered, returned.
 
+First it judges what the drone says of its steps. If it does not believe the drone, the mission
+waits for people.
+
 Each change of custody is saved and reported.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from datetime import datetime
+from typing import Self
 
 from skyway.contracts.drone_report import DroneEvent
-from skyway.contracts.flight_step import DeliverStep, PickUpStep, ReturnStep
+from skyway.contracts.flight_step import DeliverStep, FlightStep, PickUpStep, ReturnStep
 from skyway.contracts.mission import Mission
-from skyway.ids import PackageId
-from skyway.units import moment_to_ms
+from skyway.ids import DroneId, PackageId, StationId
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.links.instruction_store import last_revision
+from skyway_composition.margins import CLOCK_ERROR
+from skyway_composition.missions.following.plausibility import (
+    Carried,
+    HandOver,
+    KnownPlace,
+    why_impossible,
+    why_not_handed_over,
+    why_out_of_reach,
+    why_too_early,
+)
 from skyway_composition.missions.interventions.stop_packages import return_cancelled_packages
 from skyway_composition.missions.mission.custody_store import (
+    ChainLink,
     Custodian,
     Held,
     carried_by,
     may_load,
 )
+from skyway_composition.missions.mission.end import put_in_doubt
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.share_views import with_pooled_price
-from skyway_composition.missions.mission.step_store import flown_totals
+from skyway_composition.missions.mission.step_store import StepRecord, flown_totals
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, free_from, report
 from skyway_composition.missions.replanning.store import plan_now
+from skyway_composition.networks.station_store import stations_named
+
+
+async def is_believed(
+    work: MissionUnitOfWork, record: MissionRecord, step: FlightStep | None, event: DroneEvent
+) -> bool:
+    """Whether this event can have happened; `step` is the planned step that it ends, if any.
+
+    If not, neither custody nor the step changes: the mission is put in doubt.
+    """
+    reason = await _why_impossible(work, record, step, event)
+    if reason is None:
+        return True
+    about = (
+        "the end of the mission" if event.step_id is None else f"the end of step {event.step_id}"
+    )
+    await put_in_doubt(
+        work,
+        record,
+        code="IMPLAUSIBLE",
+        detail=f"{about} cannot be true: {reason}",
+        data={"event": event.model_dump(mode="json", exclude_defaults=True)},
+    )
+    return False
+
+
+async def why_not_late_hand_over(
+    work: MissionUnitOfWork, ended: MissionRecord, step: DeliverStep | None, event: DroneEvent
+) -> str | None:
+    """Why this hand-over of a mission that is over cannot be true; None if it can.
+
+    The drone may have loaded without our knowledge, so that it did is not known then.
+    """
+    ledger = await _Ledger.of(work, ended)
+    loaded = ledger.loaded or frozenset(() if step is None else step.package_ids)
+    return (
+        why_too_early(event, sent_at=_sent_at(work, ended))
+        or why_not_handed_over(step, event, ledger.with_masses(loaded))
+        or await _why_out_of_reach(work, ended, ledger, event)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Ledger:
+    """What is known of a mission: its steps, and who held the packages of its delivery when."""
+
+    record: MissionRecord
+    steps: Sequence[StepRecord]
+    links: Sequence[ChainLink]
+
+    @classmethod
+    async def of(cls, work: MissionUnitOfWork, record: MissionRecord) -> Self:
+        return cls(
+            record,
+            steps=await work.steps.of(record.mission_id),
+            links=await work.custody.chain_links(record),
+        )
+
+    @classmethod
+    async def before_loading(cls, work: MissionUnitOfWork, record: MissionRecord) -> Self:
+        """What matters before a mission's only loading: its chains say nothing of its drone."""
+        return cls(record, await work.steps.of(record.mission_id), links=())
+
+    @property
+    def carried(self) -> frozenset[PackageId]:
+        """The packages that the drone has on board."""
+        return carried_by({each.held.package_id: each.held for each in self.links}, self.drone_id)
+
+    @property
+    def loaded(self) -> frozenset[PackageId]:
+        """The packages that the drone has loaded for this mission."""
+        return frozenset(each.held.package_id for each in self._own if self._is_loading(each))
+
+    @property
+    def drone_id(self) -> DroneId:
+        return self.record.drone_id
+
+    def with_masses(self, package_ids: frozenset[PackageId]) -> Carried:
+        """These packages with their masses: as planned, or as a loader has measured them."""
+        planned = {
+            package.package_id: package.mass_kg
+            for each in self.steps
+            if isinstance(each.step, PickUpStep)
+            for package in each.step.packages
+        }
+        measured = {each.package_id: each.mass_kg for each in self.record.request.packages}
+        known = planned | measured
+        return Carried({each: known[each] for each in package_ids if each in known})
+
+    def places(self, *, sent_at: datetime) -> list[tuple[StationId, datetime]]:
+        """Where the drone was, and when: at the begin of the mission, and at its hand-overs."""
+        pickup = self.record.request.pickup.station_id
+        handed_over = [
+            (pickup if self._is_loading(each) else StationId(each.held.custodian.custodian_id))
+            for each in self._own
+        ]
+        moments = [each.at for each in self._own]
+        began = self.record.candidate.station_id, sent_at
+        return [began, *zip(handed_over, moments, strict=True)]
+
+    @property
+    def _own(self) -> list[ChainLink]:
+        """The packages that the drone loaded and delivered in this mission."""
+        return [
+            each
+            for each in self.links
+            if each.mission_id == self.record.mission_id
+            and each.held.custodian.kind in ("DRONE", "RECIPIENT")
+        ]
+
+    def _is_loading(self, link: ChainLink) -> bool:
+        return link.held.custodian.kind == "DRONE"
+
+
+async def _why_impossible(
+    work: MissionUnitOfWork, record: MissionRecord, step: FlightStep | None, event: DroneEvent
+) -> str | None:
+    sent_at = _sent_at(work, record)
+    reason = why_too_early(event, sent_at=sent_at)
+    if reason is not None or event.event != "STEP_ENDED":
+        return reason
+    if event.code == "CUT":
+        return await _why_not_cut(work, record, event)
+    if not isinstance(step, HandOver):
+        return None
+    read = _Ledger.before_loading if isinstance(step, PickUpStep) else _Ledger.of
+    ledger = await read(work, record)
+    return why_impossible(
+        step,
+        event,
+        [each for each in ledger.steps if each.step.step_id < step.step_id],
+        sent_at=sent_at,
+        model=record.candidate.model,
+        carried=ledger.with_masses(ledger.carried),
+    ) or await _why_out_of_reach(work, record, ledger, event)
+
+
+async def _why_not_cut(
+    work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent
+) -> str | None:
+    """Why nothing has cut this step short; None if a later plan was sent that may have."""
+    revision = max(1, event.mission_revision or 1)
+    if await last_revision(work.tx, record.mission_id) > revision:
+        return None
+    return f"it was cut in revision {revision} of the plan, and no later one was sent"
+
+
+async def _why_out_of_reach(
+    work: MissionUnitOfWork, record: MissionRecord, ledger: _Ledger, event: DroneEvent
+) -> str | None:
+    if event.station_id is None:
+        return None
+    places = ledger.places(sent_at=_sent_at(work, record))
+    station_ids = {event.station_id, *(station_id for station_id, _ in places)}
+    if len(station_ids) == 1:
+        return None
+    stations = await stations_named(work.tx.connection, sorted(station_ids))
+    here = stations.get(event.station_id)
+    known = [
+        KnownPlace(station_id, stations[station_id].position, at)
+        for station_id, at in places
+        if station_id in stations
+    ]
+    position = None if here is None else here.position
+    return why_out_of_reach(event, position, known, record.candidate.model)
+
+
+def _sent_at(work: MissionUnitOfWork, record: MissionRecord) -> datetime:
+    """The earliest moment at which the drone can have got the mission, by its own clock."""
+    sent_at = ms_to_moment(record.expires_ms) - work.courier.lifetime
+    return sent_at - CLOCK_ERROR.span(work.clock)
 
 
 def accept(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:

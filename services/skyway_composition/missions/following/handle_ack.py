@@ -18,8 +18,7 @@ from skyway_composition.links.link import DroneLink
 from skyway_composition.margins import ENERGY_IS_LOOKED_AT
 from skyway_composition.missions.following.advance import accept
 from skyway_composition.missions.following.handle_failure import open_stream, wait_for_revision
-from skyway_composition.missions.mission.doubt import without_doubt
-from skyway_composition.missions.mission.end import abort, cancel, refuse
+from skyway_composition.missions.mission.end import abort, cancel, refuse, without_doubt
 from skyway_composition.missions.mission.instruct import (
     call_off,
     handle_refused_hold,

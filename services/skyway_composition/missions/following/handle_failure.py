@@ -24,13 +24,12 @@ from skyway.ids import PackageId
 from skyway.units import moment_to_ms
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.following.advance import begin, record_loading
-from skyway_composition.missions.mission.doubt import put_in_doubt
-from skyway_composition.missions.mission.end import end_after_forced_landing
+from skyway_composition.missions.mission.end import end_after_forced_landing, put_in_doubt
 from skyway_composition.missions.mission.instruct import send_mission
 from skyway_composition.missions.mission.record import MissionRecord, OccupiedPad, Stuck
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm, report
 from skyway_composition.missions.replanning.propose import drop_proposal, with_aims
-from skyway_composition.missions.replanning.remainder.aims import (
+from skyway_composition.missions.replanning.remainder.planner import (
     absent_aim,
     back_to_pickup,
     with_changed_aims,

@@ -1,4 +1,4 @@
-"""Handles what drones report: their events, and their states.
+"""Handles what drones report: their events, their alarms, and their states.
 
 Events become custody, mission states and mission reports. A state shows what was missed.
 """
@@ -7,24 +7,28 @@ import logging
 from dataclasses import replace
 from typing import Final
 
-from skyway.contracts.drone_report import DroneEvent, DroneState
+from skyway.contracts.drone_report import DroneEvent, DroneState, Fault
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, RechargeStep, ReturnStep
 from skyway.ids import DroneId, MissionId
+from skyway.runtime.metrics import count
+from skyway.runtime.mqtt.moments import earliest_believed
+from skyway.units import moment_to_ms
+from skyway_composition.alarm_store import add as raise_alarm
+from skyway_composition.alarm_store import has_room
 from skyway_composition.links.instruction_store import last_cancel
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.following.advance import (
     begin,
+    is_believed,
     record_hand_over,
     record_loading,
     record_return,
 )
-from skyway_composition.missions.following.handle_alarm import PLAN_REQUEST, handle_alarm
 from skyway_composition.missions.following.handle_failure import (
     doubt_lost_journal,
     handle_step_failure,
     open_stream,
 )
-from skyway_composition.missions.following.judge_step import is_believed
 from skyway_composition.missions.following.recover_packages import (
     hold_and_unload,
     raise_flies_on,
@@ -36,19 +40,18 @@ from skyway_composition.missions.mission.custody_store import (
     on_board,
     returned,
 )
-from skyway_composition.missions.mission.doubt import is_disbelieved, without_doubt
-from skyway_composition.missions.mission.end import abort, complete
+from skyway_composition.missions.mission.end import abort, complete, is_disbelieved, without_doubt
 from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
-from skyway_composition.missions.mission.release_pads import release_unneeded_pads
+from skyway_composition.missions.mission.standby import release_unneeded_pads
 from skyway_composition.missions.mission.step_store import keep_cut_step
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.check_plan import (
     check_plan,
     check_plan_after_step,
+    request_plan,
 )
 from skyway_composition.missions.replanning.propose import accept_if_flown
-from skyway_composition.missions.replanning.request_plan import request_plan
 from skyway_composition.planning.problem_for import used_more
 
 log = logging.getLogger(__name__)
@@ -284,3 +287,44 @@ async def _with_reported_activity(
         station_id=state.station_id,
         soc=state.soc,
     )
+
+
+#: The request of a drone for another plan.
+PLAN_REQUEST: Final = "PLAN_WANTED"
+
+#: The codes that a drone may use. All others are ours: an open alarm of ours is raised only once,
+#: so a drone that raised it first would hide it.
+_CODES_OF_DRONES: Final = frozenset((*Fault, PLAN_REQUEST))
+_OTHER: Final = "ALARM"
+
+
+async def handle_alarm(work: MissionUnitOfWork, link: DroneLink, event: DroneEvent) -> None:
+    """Raise the alarm of a drone, unless too many of it or of its provider's drones are open."""
+    log.warning("alarm", extra={"drone_id": link.drone_id, "code": event.code})
+    level = event.level or "WARNING"
+    code, detail = _in_our_words(event)
+    if not await has_room(work.tx.connection, link.provider_id, link.drone_id, level):
+        count("skyway_alarms_left_out", "alarms of drones that have too many open ones")
+        return
+    await raise_alarm(
+        work.tx,
+        level=level,
+        code=code,
+        detail=detail,
+        # A drone that was away sends its alarms when it is connected again.
+        at_ms=moment_to_ms(max(event.ended_at, earliest_believed(work.clock))),
+        mint=work.mint,
+        provider_id=link.provider_id,
+        drone_id=link.drone_id,
+        mission_id=event.mission_id,
+        station_id=event.station_id,
+        data=event.data,
+    )
+
+
+def _in_our_words(event: DroneEvent) -> tuple[str, str]:
+    """Code and detail of the alarm; a code that no drone may use goes into the detail."""
+    detail = event.detail or "the drone raised an alarm"
+    if event.code is None or event.code in _CODES_OF_DRONES:
+        return event.code or _OTHER, detail
+    return _OTHER, f"{event.code}: {detail}"

@@ -16,7 +16,7 @@ from skyway.units import moment_to_ms
 from skyway_composition.alarm_store import is_open
 from skyway_composition.links.instruction_store import last_revision, open_instructions
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.following.judge_step import why_not_late_hand_over
+from skyway_composition.missions.following.advance import why_not_late_hand_over
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
     Custodian,

@@ -3,20 +3,16 @@
 import logging
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 
 from skyway.contracts.mission import Cancellation, CancelMissions
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, PackageId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.loops import Wake
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database, Tx
-from skyway.units import moment_to_ms
+from skyway.runtime.sql.database import Tx
+from skyway_composition.context import Context
 from skyway_composition.missions.interventions.stop_packages import release_queued, stop_packages
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import has_never_left, held_packages
-from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import flying_ids, own_ids, serves
 from skyway_composition.missions.mission.store import lock_delivery, queued_of_delivery
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
@@ -35,10 +31,7 @@ class _Moved(Exception):
 class Cancellations:
     """Cancels what can be cancelled; wakes `stuck` afterwards."""
 
-    db: Database
-    clock: FleetClock
-    mint: Mint
-    stuck: Wake
+    context: Context
 
     async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
         """Cancel packages; returns what becomes of each. A repeated request gets the same answer.
@@ -53,7 +46,7 @@ class Cancellations:
                 log.info("waiting mission moved", extra={"delivery_id": delivery_id})
 
     async def _cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             await lock_delivery(tx, delivery_id)
             earlier = await store.cancellation(tx, delivery_id, requested.cancellation_id)
             if earlier is not None:
@@ -64,9 +57,9 @@ class Cancellations:
                 delivery_id,
                 requested.cancellation_id,
                 answer=answer,
-                at_ms=moment_to_ms(self.clock.now()),
+                at_ms=self.context.now_ms,
             )
-            tx.after_commit(self.stuck.set)
+            tx.after_commit(self.context.stuck.set)
             return answer
 
     async def _stop(
@@ -75,7 +68,7 @@ class Cancellations:
         drone_ids = await store.drones_serving(tx.connection, delivery_id)
         waiting = await queued_of_delivery(tx.connection, delivery_id)
         locked = {*drone_ids, *(each.drone_id for each in waiting)}
-        work = await MissionUnitOfWork.lock(locked, tx=tx, clock=self.clock, mint=self.mint)
+        work = await MissionUnitOfWork.lock(self.context, tx, locked)
         # Read again: a mission may have been sent before its drone was locked.
         drone_ids = await store.drones_serving(tx.connection, delivery_id)
         queued = await queued_of_delivery(tx.connection, delivery_id)
@@ -105,14 +98,20 @@ class Cancellations:
             done = await stop_packages(
                 work, record, flown_ids, code=CANCELLED, reason=requested.reason
             )
-            stopped.append(_as_requested(done, record, delivery_id))
+            own = partial(own_ids, record, delivery_id)
+            stopped.append(
+                Cancellation(
+                    released=own(done.released),
+                    returning=own(done.returning),
+                    too_late=own(done.too_late),
+                )
+            )
         for record in queued:
             flown_ids = flying_ids(record, delivery_id, package_ids)
             released = await release_queued(
                 work, record, flown_ids, code=CANCELLED, reason=requested.reason
             )
-            done = Cancellation(released=released)
-            stopped.append(_as_requested(done, record, delivery_id))
+            stopped.append(Cancellation(released=own_ids(record, delivery_id, released)))
         # Packages without a live mission: never left the pickup (True), or too late (False).
         others: dict[bool, list[PackageId]] = {True: [], False: []}
         for each in package_ids:
@@ -124,17 +123,6 @@ class Cancellations:
 
 def _requested(request: DeliveryRequest) -> Iterator[PackageId]:
     return (each.package_id for each in request.packages)
-
-
-def _as_requested(
-    done: Cancellation, record: MissionRecord, delivery_id: DeliveryId
-) -> Cancellation:
-    """The answer with the customer's ids of the packages."""
-    return Cancellation(
-        released=own_ids(record, delivery_id, done.released),
-        returning=own_ids(record, delivery_id, done.returning),
-        too_late=own_ids(record, delivery_id, done.too_late),
-    )
 
 
 def _together(parts: Iterable[Cancellation]) -> Cancellation:

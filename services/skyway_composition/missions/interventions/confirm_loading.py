@@ -14,13 +14,10 @@ from skyway.delivery.request import Package
 from skyway.errors import InvalidInput
 from skyway.ids import MissionId, PackageId, ProviderId
 from skyway.json_model import JsonModel
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
-from skyway.runtime.loops import Wake
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition import alarm_store
+from skyway_composition.context import Context
 from skyway_composition.missions.interventions.stop_packages import (
     PACKAGES_CANCELLED,
 )
@@ -28,7 +25,7 @@ from skyway_composition.missions.mission import end as ending
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, lock_mission
-from skyway_composition.missions.replanning.request_plan import request_plan
+from skyway_composition.missions.replanning.check_plan import request_plan
 
 #: A measured mass may differ by the larger of these, kilograms and a share. Our own choices.
 _TOLERANCE_KG: Final = 0.05
@@ -67,10 +64,7 @@ class LoadingFault:
 class Loadings:
     """Handles loaders' confirmations; wakes `stuck` after each."""
 
-    db: Database
-    clock: FleetClock
-    mint: Mint
-    stuck: Wake
+    context: Context
 
     async def confirm(
         self,
@@ -90,13 +84,11 @@ class Loadings:
         InvalidInput
             A package is not of this mission, or is listed twice.
         """
-        async with self.db.write() as tx:
-            work, record = await lock_mission(
-                tx, mission_id, provider_id=provider_id, clock=self.clock, mint=self.mint
-            )
+        async with self.context.db.write() as tx:
+            work, record = await lock_mission(self.context, tx, mission_id, provider_id=provider_id)
             _refuse_unless_loading(work, record)
             _refuse_unknown_packages(record, listed)
-            tx.after_commit(self.stuck.set)
+            tx.after_commit(self.context.stuck.set)
             fault = _loading_fault(record, listed)
             if fault is not None:
                 await refuse_loading(work, record, fault)

@@ -1,4 +1,4 @@
-"""Carries out what an operator orders the drone of a mission to do."""
+"""Carries out what an operator orders the drone of a mission to do, or previews it by a dry run."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated, Final, Literal, Self
@@ -9,11 +9,8 @@ from skyway.contracts.drone_report import ActiveFailsafe
 from skyway.errors import InvalidInput
 from skyway.ids import InstructionId, MissionId, StationId
 from skyway.json_model import JsonModel
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
-from skyway.runtime.loops import Wake
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database
+from skyway_composition.context import Context
 from skyway_composition.links.instruction_store import kind_of_revision
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.interventions.stop_packages import (
@@ -25,8 +22,10 @@ from skyway_composition.missions.mission.end import abort
 from skyway_composition.missions.mission.instruct import held, hold, resume
 from skyway_composition.missions.mission.record import CALLED_HOME, DIVERTED, MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, lock_mission
-from skyway_composition.missions.replanning.request_plan import request_plan
-from skyway_composition.missions.replanning.situation import steering_failsafe
+from skyway_composition.missions.replanning.check_plan import request_plan
+from skyway_composition.missions.replanning.foresee import Foresight, rehearsed
+from skyway_composition.missions.replanning.outlook import MissionOutlook
+from skyway_composition.missions.replanning.situation import Situation, steering_failsafe
 from skyway_composition.networks.station_store import network_of
 
 CommandName = Literal["HOLD", "RESUME", "DIVERT", "RETURN_HOME", "CANCEL", "GIVE_UP"]
@@ -102,10 +101,7 @@ class CommandAnswer(JsonModel):
 class Commands:
     """Carries out commands; wakes `stuck` after each."""
 
-    db: Database
-    clock: FleetClock
-    mint: Mint
-    stuck: Wake
+    context: Context
 
     async def give(self, mission_id: MissionId, command: Command) -> CommandAnswer:
         """Do immediately what can be done, and have the remainder planned.
@@ -120,12 +116,10 @@ class Commands:
         InvalidInput
             The station is not in the mission's network.
         """
-        async with self.db.write() as tx:
-            work, record = await lock_mission(
-                tx, mission_id, provider_id=None, clock=self.clock, mint=self.mint
-            )
+        async with self.context.db.write() as tx:
+            work, record = await lock_mission(self.context, tx, mission_id, provider_id=None)
             instruction_id = await carry_out(work, record, command)
-            tx.after_commit(self.stuck.set)
+            tx.after_commit(self.context.stuck.set)
         return CommandAnswer(
             mission_id=mission_id,
             command=command.command,
@@ -268,3 +262,45 @@ def _refuse_while_loaded(record: MissionRecord) -> None:
     """Refuse while a confirmed loading is on its way: the drone must not get two instructions."""
     if record.is_being_loaded:
         raise Conflict("BEING_LOADED", f"the loading of {record.mission_id} was just confirmed")
+
+
+class CommandPreview(JsonModel):
+    """What a command would do to a mission, by a dry run."""
+
+    mission_id: Annotated[MissionId, Field(description="Id of the mission.")]
+    command: Annotated[CommandName, Field(description="The previewed command.")]
+    waits_for: Annotated[
+        ActiveFailsafe | None,
+        Field(description="Active failsafe that would delay it; null if nothing delays it."),
+    ]
+    outlook: Annotated[
+        MissionOutlook, Field(description="What the mission would do after the command.")
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class CommandPreviews:
+    """Previews commands."""
+
+    context: Context
+    foresight: Foresight
+
+    async def preview(self, mission_id: MissionId, command: Command) -> CommandPreview:
+        """Carry the command out in a transaction that is rolled back, and plan what follows.
+
+        Raises
+        ------
+        NotFound, Conflict, InvalidInput
+            The error with which the command would be refused.
+        """
+        async with self.context.db.rehearse() as tx:
+            work, record = await lock_mission(self.context, tx, mission_id, provider_id=None)
+            before = await Situation.of(work, record)
+            await carry_out(work, record, command)
+            seen = await rehearsed(work, before)
+        return CommandPreview(
+            mission_id=mission_id,
+            command=command.command,
+            waits_for=obstacle(command, record, before.link),
+            outlook=await self.foresight.outlook(seen),
+        )

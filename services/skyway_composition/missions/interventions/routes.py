@@ -17,10 +17,12 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import LoadingAnswer, Loadings
-from skyway_composition.missions.interventions.give_command import Command, CommandAnswer, Commands
-from skyway_composition.missions.interventions.preview_command import (
+from skyway_composition.missions.interventions.give_command import (
+    Command,
+    CommandAnswer,
     CommandPreview,
     CommandPreviews,
+    Commands,
 )
 
 

@@ -22,9 +22,9 @@ from skyway_composition.missions.replanning.call_off import (
     request_call_off,
     surely_stays_at_pickup,
 )
+from skyway_composition.missions.replanning.check_plan import request_plan
 from skyway_composition.missions.replanning.propose import with_aims
-from skyway_composition.missions.replanning.remainder.aims import with_changed_aims
-from skyway_composition.missions.replanning.request_plan import request_plan
+from skyway_composition.missions.replanning.remainder.planner import with_changed_aims
 
 #: The trouble code of a mission that needs another plan because it carries fewer packages.
 PACKAGES_CANCELLED: Final = "PACKAGES_CANCELLED"

@@ -15,7 +15,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, StationId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
-from skyway.units import ms_to_moment
+from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import owner_of
 from skyway_composition.tables import custody
@@ -187,9 +187,11 @@ def _link(row: Mapping[str, Any] | RowMapping) -> ChainLink:  # column values of
     return ChainLink(held, row["mission_id"], ms_to_moment(row["at_ms"]))
 
 
-def begin_custody(tx: Tx, record: MissionRecord, rows: Collection[Held], *, at_ms: int) -> None:
-    """Add the first links of the packages' chains when the transaction ends."""
-    tx.add(custody, _custody_rows(record, rows, at_ms=at_ms))
+def begin_at_pickup(tx: Tx, record: MissionRecord, package_ids: Collection[PackageId]) -> None:
+    """Add the first links of these packages when the transaction ends: the pickup has them."""
+    station = Custodian("STATION", record.request.pickup.station_id)
+    rows = [Held(each, 1, station) for each in package_ids]
+    tx.add(custody, _custody_rows(record, rows, at_ms=moment_to_ms(record.mission.start_at)))
 
 
 def _custody_rows(

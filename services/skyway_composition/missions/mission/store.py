@@ -16,8 +16,13 @@ from skyway.drone.model import DroneModel
 from skyway.ids import DeliveryId, DroneId, MissionId, NetworkId, ProviderId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
-from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.row import changing_columns, new_row, read_record
+from skyway_composition.missions.mission.record import (
+    MissionRecord,
+    changing_columns,
+    new_row,
+    read_record,
+)
+from skyway_composition.missions.mission.share import shares_json
 from skyway_composition.missions.mission.share_views import mission_for
 from skyway_composition.tables import (
     cancellations,
@@ -312,3 +317,19 @@ async def models_of_missions(
     texts = {row.mission_id: json.dumps(json.loads(row.candidate)["model"]) for row in found}
     models = {each: DroneModel.read(each) for each in {*texts.values()}}
     return {mission_id: models[each] for mission_id, each in texts.items()}
+
+
+async def save_troubles(tx: Tx, records: Iterable[MissionRecord]) -> None:
+    """Save the troubles and report numbers of locked missions; plan for them now."""
+    rows = [
+        {
+            "of_mission": record.mission_id,
+            "trouble": None if record.trouble is None else record.trouble.model_dump_json(),
+            "report_seq": record.report_seq,
+            "shares": shares_json(record.shares),
+        }
+        for record in records
+    ]
+    if rows:
+        of_mission = missions.c.mission_id == bindparam("of_mission")
+        await tx.execute(update(missions).where(of_mission).values(retry_wall_ms=0), rows)

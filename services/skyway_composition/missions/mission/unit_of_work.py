@@ -20,9 +20,9 @@ from skyway.runtime.sql.database import Tx
 from skyway.runtime.tracing import in_trace_of
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition import alarm_store
-from skyway_composition.calendar.commit import lock_as_seen
-from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.commit import Snapshot, lock_as_seen
 from skyway_composition.calendar.store import raise_versions
+from skyway_composition.context import Context
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_links, save_last_links
@@ -70,15 +70,13 @@ class MissionUnitOfWork:
         self._alarming |= {each.mission_id: _alarming(each) for each in self.missions.values()}
 
     @classmethod
-    async def lock(
-        cls, drone_ids: Collection[DroneId], *, tx: Tx, clock: FleetClock, mint: Mint
-    ) -> Self:
+    async def lock(cls, context: Context, tx: Tx, drone_ids: Collection[DroneId]) -> Self:
         """Lock these drones; a drone that has never sent anything has no link."""
         links = await lock_links(tx, drone_ids)
-        return cls(tx, clock, mint, links, await store.lock_live(tx, drone_ids))
+        return cls(tx, context.clock, context.mint, links, await store.lock_live(tx, drone_ids))
 
     @classmethod
-    async def lock_as_seen(cls, seen: Snapshot, *, tx: Tx, clock: FleetClock, mint: Mint) -> Self:
+    async def lock_as_seen(cls, context: Context, tx: Tx, seen: Snapshot) -> Self:
         """Lock the network and the drones of a snapshot.
 
         Raises
@@ -87,7 +85,9 @@ class MissionUnitOfWork:
             Something that was planned with has changed since.
         """
         links = await lock_as_seen(tx, seen)
-        return cls(tx, clock, mint, links, await store.lock_live(tx, seen.calendars))
+        return cls(
+            tx, context.clock, context.mint, links, await store.lock_live(tx, seen.calendars)
+        )
 
     @property
     def courier(self) -> Courier:
@@ -179,12 +179,7 @@ def _alarming(record: MissionRecord) -> frozenset[str]:
 
 
 async def lock_mission(
-    tx: Tx,
-    mission_id: MissionId,
-    *,
-    provider_id: ProviderId | None,
-    clock: FleetClock,
-    mint: Mint,
+    context: Context, tx: Tx, mission_id: MissionId, *, provider_id: ProviderId | None
 ) -> tuple[MissionUnitOfWork, MissionRecord]:
     """A live mission of this provider (None: of any), locked together with its drone's link.
 
@@ -199,7 +194,7 @@ async def lock_mission(
     found = await store.get(tx.connection, mission_id, provider_id=provider_id)
     if found is None:
         raise NotFound("mission", mission_id)
-    work = await MissionUnitOfWork.lock([found.drone_id], tx=tx, clock=clock, mint=mint)
+    work = await MissionUnitOfWork.lock(context, tx, [found.drone_id])
     record = work.missions.get(found.drone_id)
     if found.mission.state == "QUEUED":
         detail = f"{mission_id} waits for the missions before it, and was not sent to its drone yet"

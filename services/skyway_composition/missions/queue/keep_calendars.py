@@ -1,5 +1,8 @@
 """Looks after the calendars of drones: every QUEUED mission begins, moves, or is given up.
 
+The QUEUED missions of a drone out of service are given up, so that other drones fly them. The
+registry knows which drones are in maintenance, and which providers are suspended.
+
 One step looks at each drone whose next mission may begin, no longer fits, or was planned for a
 network that has changed since. The transaction that changes a calendar locks the drone's link, and
 checks again what was planned with.
@@ -10,21 +13,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from skyway.contracts.drones import (
+    MOST_DRONES,
+    OUT_OF_SERVICE,
+    OutOfServiceAnswer,
+    OutOfServiceQuery,
+)
 from skyway.delivery.qos import QoS
 from skyway.ids import DroneId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
-from skyway.runtime.loops import Wake
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.sql.database import Tx
 from skyway.scheduling.stays import Slot
-from skyway.units import moment_to_ms
-from skyway_composition.calendar.commit import WorldChanged
-from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.commit import Snapshot, WorldChanged
+from skyway_composition.context import Context
 from skyway_composition.margins import HAND_OVER, PLANS_QUEUE, REACHES, WAITS_FOR_DRONE
 from skyway_composition.missions.mission.end import refuse
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.release_pads import restore_pads
+from skyway_composition.missions.mission.standby import restore_pads
 from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.queue import store
@@ -45,10 +51,9 @@ from skyway_composition.missions.queue.next_mission import (
     decide,
 )
 from skyway_composition.missions.queue.plan_queue import Dropped, Moved, plan_queue
-from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
+from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.networks.store import share_current
 from skyway_composition.planning.availability import send_ahead_ms
-from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
@@ -79,22 +84,16 @@ class Calendars:
     machine sends its missions too.
     """
 
-    db: Database
-    networks: PreparedNetworks
-    solver: SolverPool
-    clock: FleetClock
-    mint: Mint
+    context: Context
     #: By how much another plan may deliver after a promise, fleet seconds.
     tolerance_s: float
-    #: Set when calendars have changed otherwise than planned: another order may be better now.
-    dispatches: Wake = field(default_factory=Wake)
     #: How long the last plan for each drone took, fleet milliseconds.
     _last_plan_took_ms: dict[DroneId, int] = field(default_factory=dict)
 
     async def step(self) -> bool:
         """Look at the drones whose next mission needs something; True when one has changed."""
         times = self._times()
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             drone_ids = await store.drones_to_look_at(
                 connection,
                 soon_ms=times.now_ms + times.send_ahead_ms,
@@ -115,11 +114,11 @@ class Calendars:
 
     async def look_at(self, drone_id: DroneId) -> bool:
         """Do what the drone's next mission needs; True if its calendar needs another look."""
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             seen = await queued_of_drone(connection, drone_id)
         if not seen:
             return False
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             # I11: the world cannot change before the end of a transaction that sends a mission.
             present = await share_current(tx, seen[0].network_id)
             work = await self._lock(drone_id, tx)
@@ -140,7 +139,7 @@ class Calendars:
                 case Shorten(until_ms=until_ms) if calendar.before is not None:
                     await shorten_standby(work, calendar.before, until_ms=until_ms)
                 case GiveUp(detail=detail):
-                    tx.after_commit(self.dispatches.set)
+                    tx.after_commit(self.context.dispatches.set)
                     await refuse(work, following, code="DRONE_NOT_FREE", detail=detail)
                 case PlanAgain(slot=slot):
                     pass
@@ -152,42 +151,40 @@ class Calendars:
         return isinstance(decision, GiveUp)
 
     async def _plan_again(self, calendar: _Calendar, slot: Slot) -> bool:
-        first, began_ms = calendar.queued[0], moment_to_ms(self.clock.now())
-        skyway = await self.networks.current(first.network_id)
+        first, began_ms = calendar.queued[0], self.context.now_ms
+        skyway = await self.context.networks.current(first.network_id)
         world = await World.of(
             skyway,
-            self.db,
-            after_ms=moment_to_ms(self.clock.now()),
+            self.context.db,
+            after_ms=self.context.now_ms,
             without=[
                 *(each.mission_id for each in calendar.queued),
                 *([] if calendar.before is None else [calendar.before.mission_id]),
             ],
         )
         changed = await plan_queue(
-            self.solver,
+            self.context.solver,
             world,
             calendar.queued,
             slot,
-            clock=self.clock,
+            clock=self.context.clock,
             tolerance_s=self.tolerance_s,
         )
         is_hopeless = not changed and self._times().is_overdue(first)
         if not changed and not is_hopeless:
             return False
         seen = Snapshot(world.present, {calendar.drone_id: calendar.version})
-        async with self.db.write() as tx:
+        async with self.context.db.write() as tx:
             try:
-                work = await MissionUnitOfWork.lock_as_seen(
-                    seen, tx=tx, clock=self.clock, mint=self.mint
-                )
+                work = await MissionUnitOfWork.lock_as_seen(self.context, tx, seen)
             except WorldChanged:
                 return True
-            tx.after_commit(self.dispatches.set)
+            tx.after_commit(self.context.dispatches.set)
             if is_hopeless:
                 await refuse(work, first, code="DRONE_NOT_FREE", detail=_NO_PLAN)
             else:
                 await _apply(work, calendar, changed, skyway)
-                took_ms = moment_to_ms(self.clock.now()) - began_ms
+                took_ms = self.context.now_ms - began_ms
                 self._last_plan_took_ms[calendar.drone_id] = took_ms
                 if calendar.before is None:
                     await self._send_if_in_time(work, calendar.drone_id)
@@ -215,21 +212,23 @@ class Calendars:
             await send_next(work, following)
 
     async def _lock(self, drone_id: DroneId, tx: Tx) -> MissionUnitOfWork:
-        return await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+        return await MissionUnitOfWork.lock(self.context, tx, [drone_id])
 
     def _times(self, drone_id: DroneId | None = None) -> Times:
         """The present times; for a drone, with the time that its plans need."""
-        usual_ms, reach_ms = PLANS_QUEUE.ms(self.clock), REACHES.ms(self.clock)
+        usual_ms, reach_ms = PLANS_QUEUE.ms(self.context.clock), REACHES.ms(self.context.clock)
         took_ms = 0 if drone_id is None else self._last_plan_took_ms.get(drone_id, 0)
         needed_ms = reach_ms + _TIMES_THE_LAST_PLAN * took_ms
         return Times(
-            now_ms=moment_to_ms(self.clock.now()),
+            now_ms=self.context.now_ms,
             reach_ms=reach_ms,
             plan_ms=max(usual_ms, min(needed_ms, _MOST_TIMES_THE_USUAL * usual_ms)),
-            hand_over_ms=HAND_OVER.ms(self.clock),
-            send_ahead_ms=send_ahead_ms(self.clock),
-            send_waiting_ms=send_ahead_ms(self.clock, QoS(pooling=True, pooling_wait_s=1.0)),
-            longest_wait_ms=WAITS_FOR_DRONE.ms(self.clock),
+            hand_over_ms=HAND_OVER.ms(self.context.clock),
+            send_ahead_ms=send_ahead_ms(self.context.clock),
+            send_waiting_ms=send_ahead_ms(
+                self.context.clock, QoS(pooling=True, pooling_wait_s=1.0)
+            ),
+            longest_wait_ms=WAITS_FOR_DRONE.ms(self.context.clock),
         )
 
 
@@ -261,3 +260,47 @@ async def _apply(
 def _planned_in(record: MissionRecord) -> tuple[int, int] | None:
     planned_in = record.planned_in
     return None if planned_in is None else (planned_in.version, planned_in.conditions)
+
+
+@dataclass(frozen=True, slots=True)
+class WithdrawnDrones:
+    """Looks after the calendars of drones that were taken out of service."""
+
+    context: Context
+    registry: ServiceClient
+
+    async def step(self) -> bool:
+        """Step of a loop: ask about all drones with QUEUED missions. Always False.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The registry is away; calendars stay as they are.
+        """
+        async with self.context.db.read() as connection:
+            drone_ids = await store.drones_with_queue(connection)
+        for first in range(0, len(drone_ids), MOST_DRONES):
+            asked = OutOfServiceQuery(drone_ids=tuple(drone_ids[first : first + MOST_DRONES]))
+            answer = await self.registry.call(
+                "POST", OUT_OF_SERVICE, body=asked, answer=OutOfServiceAnswer
+            )
+            for drone_id in answer.drone_ids:
+                while await self._give_up_last(drone_id):
+                    pass
+        return False
+
+    async def _give_up_last(self, drone_id: DroneId) -> bool:
+        """Give up the drone's last QUEUED mission; returns whether there was one."""
+        async with self.context.db.read() as connection:
+            seen = await queued_of_drone(connection, drone_id)
+        if not seen:
+            return False
+        async with self.context.db.write() as tx:
+            # Every transaction that changes a calendar locks the network first, then the drone.
+            await share_current(tx, seen[-1].network_id)
+            work = await MissionUnitOfWork.lock(self.context, tx, [drone_id])
+            queued = await queued_of_drone(tx.connection, drone_id)
+            if queued:
+                detail = "its drone is out of service"
+                await refuse(work, queued[-1], code="DRONE_NOT_FREE", detail=detail)
+        return True

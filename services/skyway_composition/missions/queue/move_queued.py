@@ -127,7 +127,7 @@ async def move(
         await give_way(work.tx, mission_id, pads)
     later = await pads_of_queued(work.tx.connection, record.drone_id)
     record = _report_times(work, record, earlier)
-    await store.save_start(work.tx, record)
+    await store.save_start(work.tx, record.mission_id, record.candidate)
     await work.save(record)
     await hold(work.tx, record.mission_id, without(pads, later))
     if planned.until_ms is not None:

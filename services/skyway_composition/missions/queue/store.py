@@ -6,10 +6,10 @@ from typing import Final
 from sqlalchemy import and_, bindparam, exists, func, literal_column, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.contracts.candidate import Candidate
 from skyway.ids import DroneId, MissionId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
-from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.tables import is_live, is_queued, missions, networks
 
 _next: Final = (
@@ -73,12 +73,12 @@ async def drones_with_queue(connection: AsyncConnection) -> list[DroneId]:
     return [DroneId(each) for each in found.scalars()]
 
 
-async def save_start(tx: Tx, record: MissionRecord) -> None:
+async def save_start(tx: Tx, mission_id: MissionId, candidate: Candidate) -> None:
     """Save which drone flies a QUEUED mission that was planned again, and from where."""
     await tx.execute(
         update(missions)
-        .where(missions.c.mission_id == record.mission_id)
-        .values(drone_id=record.drone_id, candidate=record.candidate.model_dump_json())
+        .where(missions.c.mission_id == mission_id)
+        .values(drone_id=candidate.drone_id, candidate=candidate.model_dump_json())
     )
 
 

@@ -7,7 +7,7 @@ from skyway.contracts.instruction import RefusalCode
 from skyway.ids import ClosureId, StationId
 from skyway.runtime.clock import FleetClock
 from skyway.units import moment_to_ms
-from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.commit import Snapshot
 from skyway_composition.closures.closure import Closure
 from skyway_composition.margins import REACHES_SURELY
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
@@ -17,9 +17,8 @@ from skyway_composition.missions.replanning.remainder.anchor import (
     find_anchor,
 )
 from skyway_composition.missions.replanning.situation import Situation
-from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.problem_for import with_margin
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import ClosedAhead, World
 
 #: If a drone had too little energy for its plan, the next plan has so much more margin.
 _MORE_AFTER_REFUSAL: Final = 0.05

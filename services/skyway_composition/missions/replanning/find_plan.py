@@ -8,24 +8,22 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.sql.database import Database
+from skyway.contracts.flight_step import PickUpStep
 from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import NoTrip
-from skyway.units import moment_to_ms
 from skyway_composition.closures.closure import Closure
+from skyway_composition.context import Context
 from skyway_composition.margins import HAND_OVER
-from skyway_composition.missions.mission.record import MissionRecord, Trouble
-from skyway_composition.missions.replanning.apply_outcome import MOST_REVISIONS, refusal_code
+from skyway_composition.missions.mission.record import Trouble
 from skyway_composition.missions.replanning.case import Case, planning_obstacle, trouble_of
 from skyway_composition.missions.replanning.felt_wind import felt_margin
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
-from skyway_composition.missions.replanning.situation import Situation
-from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.closed_ahead import ClosedAhead
-from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.world import World
+from skyway_composition.missions.replanning.situation import NextMissions, Situation
+from skyway_composition.planning.world import ClosedAhead, World
+
+#: After this many revisions a mission gets no further plan. Our own choice.
+MOST_REVISIONS: Final = 40
 
 #: How often, at most, a plan is made again with a larger energy margin. Our own choice.
 _MOST_MARGINS: Final = 3
@@ -87,17 +85,14 @@ Found = NewPlan | NoPlanYet | Grounded | NoDiversion | NoMorePlans | NoPlan
 class PlanFinder:
     """Finds new plans; `solver` is where they are composed."""
 
-    db: Database
-    networks: PreparedNetworks
-    solver: SolverPool
-    clock: FleetClock
+    context: Context
 
     async def find(
         self,
         situation: Situation,
         *,
         sent_revisions: int,
-        queued: Sequence[MissionRecord],
+        queued: NextMissions,
         supposed: Sequence[Closure] = (),
     ) -> Found:
         """What becomes of this mission; `queued` are the drone's next missions.
@@ -111,16 +106,25 @@ class PlanFinder:
             return NoPlanYet(obstacle)
         if sent_revisions >= MOST_REVISIONS:
             return NoMorePlans(trouble)
-        world = await self._world(record, queued, supposed)
+        # The pads of this drone's missions count as free.
+        world = await World.of(
+            await self.context.networks.current(record.network_id),
+            self.context.db,
+            after_ms=self.context.now_ms,
+            without=[record.mission_id, *queued.ids],
+            supposed=supposed,
+        )
         world = world.for_drone(record.candidate.learned)
         # Reads the weather of the model here, since this may take a while.
-        await world.weather(situation.model, self._now_ms())
-        closed = ClosedAhead.of(world, now_ms=self._now_ms()).for_model(situation.model)
+        await world.weather(situation.model, self.context.now_ms)
+        closed = ClosedAhead.of(world, now_ms=self.context.now_ms).for_model(situation.model)
         case = Case(situation, trouble, world, closed, sent_revisions)
         anchor = self._anchor(case, closed=closed)
         if anchor is None:
             return NoPlanYet("START_UNKNOWN")
-        ready = None if not queued else self._ready_for(queued[0])
+        ready = queued.start
+        if ready is not None:
+            ready = replace(ready, at_ms=ready.at_ms - HAND_OVER.ms(self.context.clock))
         if case.waits_for_operator:
             if not anchor.is_divert:
                 return NoPlanYet("HELD")
@@ -146,7 +150,7 @@ class PlanFinder:
 
     def _planner(self, case: Case, ready: Slot | None) -> RemainderPlanner:
         return RemainderPlanner(
-            self.solver, case.world, case.situation, case.closed, case.energy_margin, ready
+            self.context.solver, case.world, case.situation, case.closed, case.energy_margin, ready
         )
 
     async def _with_felt_margin(
@@ -215,25 +219,19 @@ class PlanFinder:
         code = refusal_code(case.situation, case.trouble, code=reason.code)
         return NoPlan(code, reason.detail)
 
-    async def _world(
-        self, record: MissionRecord, queued: Sequence[MissionRecord], supposed: Sequence[Closure]
-    ) -> World:
-        """The present world, in which the pads of this drone's missions count as free."""
-        skyway = await self.networks.current(record.network_id)
-        own = [record.mission_id, *(each.mission_id for each in queued)]
-        return await World.of(
-            skyway, self.db, after_ms=self._now_ms(), without=own, supposed=supposed
-        )
-
-    def _ready_for(self, following: MissionRecord) -> Slot:
-        """Where, when and with what charge the drone must be ready for its next mission."""
-        start = following.start
-        return Slot(start.station_id, start.at_ms - HAND_OVER.ms(self.clock), start.soc)
-
     def _anchor(
         self, case: Case, *, closed: ClosedAhead, before_step: int | None = None
     ) -> Anchor | None:
-        return case.anchor(closed=closed, clock=self.clock, before_step=before_step)
+        return case.anchor(closed=closed, clock=self.context.clock, before_step=before_step)
 
-    def _now_ms(self) -> int:
-        return moment_to_ms(self.clock.now())
+
+def refusal_code(situation: Situation, trouble: Trouble, *, code: str) -> str:
+    """Why no plan is flown: MASS_MISMATCH if the loaded masses differ, else the planner's code."""
+    planned = {
+        package.package_id: package.mass_kg
+        for step in situation.planned
+        if isinstance(step, PickUpStep)
+        for package in step.packages
+    }
+    loaded = {each.package_id: each.mass_kg for each in trouble.loaded or ()}
+    return "MASS_MISMATCH" if loaded and loaded != planned else code

@@ -10,13 +10,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from skyway.contracts.flight_step import FlyStep
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.sql.database import Database
-from skyway.units import moment_to_ms, ms_to_moment
+from skyway.units import ms_to_moment
 from skyway_composition.closures.closure import Closure, ForeseenPlan
+from skyway_composition.context import Context
 from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.missions.mission.instruct import is_being_called_off
-from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.case import outage_of, trouble_of
 from skyway_composition.missions.replanning.find_plan import (
@@ -38,11 +36,8 @@ from skyway_composition.missions.replanning.outlook import (
     packages_of,
 )
 from skyway_composition.missions.replanning.prediction import Load, predict
-from skyway_composition.missions.replanning.propose import Revision
-from skyway_composition.missions.replanning.revision import revision_of
-from skyway_composition.missions.replanning.situation import Situation, whereabouts
-from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.missions.replanning.propose import Revision, revision_of
+from skyway_composition.missions.replanning.situation import NextMissions, Situation, whereabouts
 
 #: Longest time to plan for a dry run, seconds of wall time. Our own choice.
 LONGEST_S: Final = 10.0
@@ -53,7 +48,7 @@ _PlanAndReason = tuple[ForeseenPlan, str | None, str | None]
 
 async def rehearsed(work: MissionUnitOfWork, before: Situation) -> Rehearsed:
     """The mission after the change that this transaction has made, and `before` it."""
-    record, connection = before.record, work.tx.connection
+    record = before.record
     after = work.missions.get(record.drone_id)
     is_live = after is not None and after.mission_id == record.mission_id
     held = record.own(await work.custody.held_on(record))
@@ -65,18 +60,15 @@ async def rehearsed(work: MissionUnitOfWork, before: Situation) -> Rehearsed:
         sent_revisions=max(
             record.mission.revision, await last_revision(work.tx, record.mission_id)
         ),
-        queued=await queued_of_drone(connection, record.drone_id),
+        queued=await NextMissions.read(work.tx, record.drone_id),
     )
 
 
 @dataclass(frozen=True, slots=True)
 class Foresight:
-    """Plans for rehearsed changes; `solver` is where the plans are composed."""
+    """Plans for rehearsed changes."""
 
-    db: Database
-    networks: PreparedNetworks
-    solver: SolverPool
-    clock: FleetClock
+    context: Context
 
     async def outlook(self, seen: Rehearsed, *, supposed: Sequence[Closure] = ()) -> MissionOutlook:
         """What the mission would do; the `supposed` closures count as made.
@@ -108,9 +100,9 @@ class Foresight:
         after = seen.after
         if after is None or seen.is_called_off or trouble_of(after.record) is None:
             return None
-        outage = outage_of(after.record, now_ms=self._now_ms)
+        outage = outage_of(after.record, now_ms=self.context.now_ms)
         closures = supposed if outage is None else (*supposed, outage)
-        found = await self._finder.find(
+        found = await PlanFinder(self.context).find(
             after,
             sent_revisions=seen.sent_revisions,
             queued=seen.queued,
@@ -125,7 +117,7 @@ class Foresight:
         later = replace(found.anchor, at_ms=max(found.anchor.at_ms, until_ms))
         if found.case.ground_stop(later) is not None:
             return found
-        return await self._finder.find_from(later, found.case, found.ready)
+        return await PlanFinder(self.context).find_from(later, found.case, found.ready)
 
     def _landing(
         self, seen: Rehearsed, found: Found | None, revision: Revision | None
@@ -144,18 +136,10 @@ class Foresight:
         steps = [each for each in situation.planned if each.step_id >= where.next_step]
         load = Load(situation.masses_kg, situation.carried)
         model = situation.model
-        for each in predict(steps, where, model=model, load=load, now_ms=self._now_ms):
+        for each in predict(steps, where, model=model, load=load, now_ms=self.context.now_ms):
             if isinstance(each.step, FlyStep) and each.step.lands:
                 return PlannedLanding(station_id=each.step.to_id, at=ms_to_moment(each.end_ms))
         return None
-
-    @property
-    def _finder(self) -> PlanFinder:
-        return PlanFinder(self.db, self.networks, self.solver, self.clock)
-
-    @property
-    def _now_ms(self) -> int:
-        return moment_to_ms(self.clock.now())
 
 
 def _revision(after: Situation, found: Found | None) -> Revision | None:

@@ -11,14 +11,11 @@ from typing import Final
 
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, ReturnStep
 from skyway.ids import MissionId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database
 from skyway.scheduling.giving_way import YieldingStandby
 from skyway.scheduling.trip import BookedPad, Trip
-from skyway.units import moment_to_ms
 from skyway_composition.calendar.commit import WorldChanged
+from skyway_composition.context import Context
 from skyway_composition.missions.mission.record import GIVE_WAY, Trouble
 from skyway_composition.missions.mission.standby import (
     standby_steps,
@@ -28,15 +25,11 @@ from skyway_composition.missions.mission.standby import (
 from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.case import Case, may_be_planned
-from skyway_composition.missions.replanning.propose import Revision, propose
+from skyway_composition.missions.replanning.propose import Revision, propose, revision_of
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
-from skyway_composition.missions.replanning.revision import revision_of
 from skyway_composition.missions.replanning.situation import Situation, read_situation, whereabouts
-from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.closed_ahead import ClosedAhead
-from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import ClosedAhead, World
 
 log = logging.getLogger(__name__)
 
@@ -63,11 +56,7 @@ class _Asked:
 class StandbyRequests:
     """Asks drones to give way."""
 
-    db: Database
-    networks: PreparedNetworks
-    solver: SolverPool
-    clock: FleetClock
-    mint: Mint
+    context: Context
 
     async def ask(self, standby: YieldingStandby, needed: Collection[BookedPad]) -> bool:
         """Propose another standby without the `needed` pads; False if there is none.
@@ -90,21 +79,21 @@ class StandbyRequests:
         return is_sent
 
     async def _case(self, standby: YieldingStandby, needed: Collection[BookedPad]) -> Case | None:
-        seen = await read_situation(self.db, standby.drone_id, clock=self.clock, mint=self.mint)
+        seen = await read_situation(self.context, standby.drone_id)
         if seen is None:
             return None
         situation, sent, queued = seen
         record = situation.record
-        is_same = record.mission_id == standby.mission_id and not queued and record.stays
+        is_same = record.mission_id == standby.mission_id and not queued.ids and record.stays
         if not is_same or sent >= _MOST_REVISIONS or not may_be_planned(situation, _WHY):
             return None
-        skyway = await self.networks.current(record.network_id)
+        skyway = await self.context.networks.current(record.network_id)
         world = await World.of(
-            skyway, self.db, after_ms=self._now_ms(), without=[record.mission_id]
+            skyway, self.context.db, after_ms=self.context.now_ms, without=[record.mission_id]
         )
         world = world.instead({_THE_SERVICE: needed}).for_drone(record.candidate.learned)
-        await world.weather(situation.model, self._now_ms())
-        closed = ClosedAhead.of(world, now_ms=self._now_ms()).for_model(situation.model)
+        await world.weather(situation.model, self.context.now_ms)
+        closed = ClosedAhead.of(world, now_ms=self.context.now_ms).for_model(situation.model)
         return Case(situation, _WHY, world, closed, sent)
 
     async def _before_standby(self, case: Case, served_step: int) -> _Asked | None:
@@ -114,7 +103,7 @@ class StandbyRequests:
         if where is None or max(where.next_step, where.released_through) > served_step:
             return None
         trip = await trip_with_other_standby(
-            self.solver,
+            self.context.solver,
             case.world,
             record,
             energy_margin=situation.energy_margin(case.world),
@@ -137,13 +126,13 @@ class StandbyRequests:
     async def _in_standby(self, case: Case) -> _Asked | None:
         """Another standby for a drone that has ended its service, from its next landing on."""
         situation, record = case.situation, case.record
-        anchor = case.anchor(closed=case.closed, clock=self.clock)
+        anchor = case.anchor(closed=case.closed, clock=self.context.clock)
         if anchor is None or anchor.is_in_the_air or situation.carried:
             return None
         if case.ground_stop(anchor) is not None:
             return None
         planner = RemainderPlanner(
-            self.solver, case.world, situation, case.closed, case.energy_margin
+            self.context.solver, case.world, situation, case.closed, case.energy_margin
         )
         remainder = await planner.plan(anchor, _WHY)
         if not isinstance(remainder, Remainder) or remainder.given_up is not None:
@@ -166,13 +155,11 @@ class StandbyRequests:
     async def _propose(self, asked: _Asked) -> bool:
         """Send the revision, unless the world, the mission or its drone's calendar has changed."""
         case = asked.case
-        if asked.starts_ms < self._now_ms():
+        if asked.starts_ms < self.context.now_ms:
             return False
         try:
-            async with self.db.write() as tx:
-                work = await MissionUnitOfWork.lock_as_seen(
-                    case.seen, tx=tx, clock=self.clock, mint=self.mint
-                )
+            async with self.context.db.write() as tx:
+                work = await MissionUnitOfWork.lock_as_seen(self.context, tx, case.seen)
                 record = work.missions[case.record.drone_id]
                 await propose(work, record, asked.revision, anchor=asked.anchor, trouble=_WHY)
         except WorldChanged:
@@ -183,9 +170,6 @@ class StandbyRequests:
             )
             return False
         return True
-
-    def _now_ms(self) -> int:
-        return moment_to_ms(self.clock.now())
 
 
 def _last_of_service(situation: Situation) -> StepRecord | None:

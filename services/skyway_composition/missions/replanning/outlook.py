@@ -14,10 +14,9 @@ from skyway.json_model import JsonModel
 from skyway.units import ms_to_moment
 from skyway_composition.closures.closure import ForeseenPlan
 from skyway_composition.missions.mission.custody_store import Held, has_never_left
-from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.replanning.find_plan import Found, Grounded, NewPlan, NoPlan
 from skyway_composition.missions.replanning.propose import Revision
-from skyway_composition.missions.replanning.situation import Situation
+from skyway_composition.missions.replanning.situation import NextMissions, Situation
 
 #: What becomes of a package.
 PackageFate = Literal["DELIVERED", "RETURNED", "NOT_PICKED_UP", "LEFT_BEHIND", "WAITS", "UNKNOWN"]
@@ -118,7 +117,7 @@ class Rehearsed:
     held: Mapping[PackageId, Held]
     is_called_off: bool
     sent_revisions: int
-    queued: Sequence[MissionRecord]
+    queued: NextMissions
 
 
 def packages_of(

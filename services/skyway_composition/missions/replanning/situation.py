@@ -1,6 +1,6 @@
 """A mission at one moment: its steps and packages, its drone's last report and failsafe."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Self
 
@@ -16,11 +16,11 @@ from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
 from skyway.drone.learned_values import model_as_learned
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
-from skyway.ids import DroneId, PackageId, StationId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database
+from skyway.ids import DroneId, MissionId, PackageId, StationId
+from skyway.runtime.sql.database import Tx
+from skyway.scheduling.stays import Slot
 from skyway.units import moment_to_ms
+from skyway_composition.context import Context
 from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.custody_store import Held, on_board
@@ -280,18 +280,32 @@ def _landing(planned: tuple[FlightStep, ...]) -> int:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class NextMissions:
+    """The QUEUED missions of a drone, and from where and when the first begins."""
+
+    ids: tuple[MissionId, ...]
+    start: Slot | None
+
+    @classmethod
+    async def read(cls, tx: Tx, drone_id: DroneId) -> Self:
+        """The missions that wait behind the drone's live mission."""
+        queued = await queued_of_drone(tx.connection, drone_id)
+        return cls(tuple(each.mission_id for each in queued), queued[0].start if queued else None)
+
+
 async def read_situation(
-    db: Database, drone_id: DroneId, *, clock: FleetClock, mint: Mint
-) -> tuple[Situation, int, Sequence[MissionRecord]] | None:
-    """The situation of its mission, the last revision that was sent, and its queue.
+    context: Context, drone_id: DroneId
+) -> tuple[Situation, int, NextMissions] | None:
+    """The situation of its mission, the last revision that was sent, and what waits behind it.
 
     None when the drone has no live mission.
     """
-    async with db.write() as tx:
-        work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=clock, mint=mint)
+    async with context.db.write() as tx:
+        work = await MissionUnitOfWork.lock(context, tx, [drone_id])
         record = work.missions.get(drone_id)
         if record is None:
             return None
         sent = max(record.mission.revision, await last_revision(tx, record.mission_id))
-        queued = await queued_of_drone(tx.connection, drone_id)
+        queued = await NextMissions.read(tx, drone_id)
         return await Situation.of(work, record), sent, queued

@@ -1,16 +1,13 @@
 """All SQL of the queue of missions that wait for another plan."""
 
-from collections.abc import Iterable
 from typing import Final
 
-from sqlalchemy import and_, bindparam, case, or_, update
+from sqlalchemy import and_, case, or_, update
 
 from skyway.ids import DroneId, MissionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.claims import FREE, NOW_MS, Claiming, claim_values
 from skyway.runtime.sql.database import Database, Tx
-from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.share import shares_json
 from skyway_composition.tables import is_live, missions
 
 #: Seconds of wall time until another replica may plan for a claimed mission. Most plans are found
@@ -57,22 +54,6 @@ async def put_off(tx: Tx, mission_id: MissionId, *, until_wall_ms: int) -> None:
         .where(missions.c.mission_id == mission_id)
         .values(retry_wall_ms=retry_ms, **FREE)
     )
-
-
-async def save_troubles(tx: Tx, records: Iterable[MissionRecord]) -> None:
-    """Save the troubles and report numbers of locked missions; plan for them now."""
-    rows = [
-        {
-            "of_mission": record.mission_id,
-            "trouble": None if record.trouble is None else record.trouble.model_dump_json(),
-            "report_seq": record.report_seq,
-            "shares": shares_json(record.shares),
-        }
-        for record in records
-    ]
-    if rows:
-        of_mission = missions.c.mission_id == bindparam("of_mission")
-        await tx.execute(update(missions).where(of_mission).values(retry_wall_ms=0), rows)
 
 
 async def plan_now(tx: Tx, mission_id: MissionId) -> None:

@@ -1,6 +1,5 @@
 """Schedules and sent plans over REST: for operators of all drones, for a provider of its own."""
 
-from collections import defaultdict
 from typing import Annotated, Final
 
 from fastapi import Depends, Query
@@ -17,10 +16,9 @@ from skyway.runtime.http.paging import page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.closures.past_span import PastSpanQuery
+from skyway_composition.closures.routes import PastSpanQuery
 from skyway_composition.links.instruction_store import SentPlan, plans_sent
 from skyway_composition.links.store import link_to
-from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.schedule import store
 from skyway_composition.missions.schedule.schedule import (
     DroneSchedule,
@@ -81,7 +79,7 @@ def schedule_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Se
             if link is None or not _may_see(caller, link.provider_id):
                 raise NotFound("drone", drone_id)
             records = await store.open_of_drone(connection, drone_id)
-            flown = await store.flown_times(connection, records)
+            flown = await store.flown_times(connection, [each.mission_id for each in records])
         return schedule_of(drone_id, link.provider_id, records, flown=flown, now=clock.now())
 
     @router.get("/v1/drones/{drone_id}/plans")
@@ -136,13 +134,11 @@ def schedule_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Se
                 after=query.after_id(),
                 limit=query.limit + 1,
             )
-            records = await store.missions_in_span(
+            by_drone = await store.missions_in_span(
                 connection, provider_id, drone_ids, span, now_ms=now_ms
             )
-            flown = await store.flown_times(connection, records)
-        by_drone: dict[DroneId, list[MissionRecord]] = defaultdict(list)
-        for record in records:
-            by_drone[record.drone_id].append(record)
+            mission_ids = [one.mission_id for own in by_drone.values() for one in own]
+            flown = await store.flown_times(connection, mission_ids)
         page = page_of(
             drone_ids,
             query,

@@ -1,6 +1,6 @@
 """All SQL of schedules: the missions of drones in a span, and when their steps began and ended."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import Final
 
 from sqlalchemy import ColumnElement, and_, bindparam, func, literal_column, or_, select, true
@@ -9,8 +9,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.contracts.statistics import Span
 from skyway.ids import DroneId, MissionId, ProviderId
 from skyway.runtime.sql.in_list import in_list
-from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.row import read_record
+from skyway_composition.missions.mission.record import MissionRecord, read_record
 from skyway_composition.tables import is_open, mission_steps, missions
 
 _OPEN_OF_DRONE: Final = (
@@ -69,8 +68,8 @@ async def missions_in_span(
     span: Span,
     *,
     now_ms: int,
-) -> list[MissionRecord]:
-    """The missions of these drones in the span, in the order of their starts."""
+) -> dict[DroneId, list[MissionRecord]]:
+    """The missions of each of these drones in the span, in the order of their starts."""
     query = (
         select(missions)
         .where(
@@ -80,8 +79,10 @@ async def missions_in_span(
         )
         .order_by(missions.c.start_ms, missions.c.mission_id)
     )
-    found = await connection.execute(query, {"drone_ids": [*drone_ids]})
-    return [read_record(row) for row in found]
+    found: dict[DroneId, list[MissionRecord]] = {each: [] for each in drone_ids}
+    for row in await connection.execute(query, {"drone_ids": [*drone_ids]}):
+        found[row.drone_id].append(read_record(row))
+    return found
 
 
 async def missions_of_drone(
@@ -109,9 +110,8 @@ def _is_in(span: Span, now_ms: int) -> ColumnElement[bool]:
 
 
 async def flown_times(
-    connection: AsyncConnection, records: Sequence[MissionRecord]
+    connection: AsyncConnection, mission_ids: Collection[MissionId]
 ) -> dict[MissionId, tuple[int | None, int | None]]:
     """When each mission's first step begins, and when the last ended step ended."""
-    ids = [each.mission_id for each in records]
-    found = await connection.execute(_FLOWN, {"mission_ids": ids})
+    found = await connection.execute(_FLOWN, {"mission_ids": [*mission_ids]})
     return {MissionId(mission_id): (start, end) for mission_id, start, end in found}

@@ -20,7 +20,6 @@ from skyway.delivery.plan import Plan
 from skyway.ids import DeliveryId
 from skyway.planner.problem import Problem
 from skyway.runtime.errors import RowRefused
-from skyway.runtime.loops import Wake
 from skyway.units import moment_to_ms
 from tests.counting_mint import CountingMint
 
@@ -267,7 +266,7 @@ async def test_a_booking_that_fails_at_its_last_row_leaves_nothing(
     make: Any,
 ) -> None:
     parts = composition.parts
-    failing = Bookings(parts.db, parts.networks, parts.solver, parts.clock, NoInstruction(), Wake())
+    failing = Bookings(replace(parts, mint=NoInstruction()))
 
     with pytest.raises(RuntimeError):
         await failing.book(DeliveryId("dlv_1"), booking_request(make))
@@ -416,7 +415,7 @@ async def book_while(
     """Book the new delivery dlv_1; `meanwhile` runs as soon as the first plan is made."""
     parts = composition.parts
     async with InterruptedSolver(meanwhile) as solver:
-        bookings = Bookings(parts.db, parts.networks, solver, parts.clock, parts.mint, Wake())
+        bookings = Bookings(parts.planning_with(solver))
         return await bookings.book(DeliveryId("dlv_1"), requested)
 
 

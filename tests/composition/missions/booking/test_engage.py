@@ -6,7 +6,7 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 import pytest
-from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.commit import Snapshot
 from skyway_composition.links.store import lock_links, save_link
 from skyway_composition.missions.booking.store import claim_in_one_statement
 from skyway_composition.networks.store import Present, lock_version

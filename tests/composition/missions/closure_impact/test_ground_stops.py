@@ -37,7 +37,7 @@ async def trouble(composition: Any) -> str | None:
 
 
 def enforcer(composition: Any) -> GroundStopEnforcer:
-    return GroundStopEnforcer(composition.db, composition.parts.closings, composition.clock)
+    return GroundStopEnforcer(composition.parts, composition.parts.closings)
 
 
 async def test_a_mission_needs_another_plan_once_its_next_take_off_is_forbidden(

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 DRONE = DroneId("drn_1")
 
 #: The function that handles states, as the follower calls it.
-HANDLE_STATE = "skyway_composition.missions.following.handle_batch.handle_state"
+HANDLE_STATE = "skyway_composition.missions.following.follow.handle_state"
 
 
 @dataclass

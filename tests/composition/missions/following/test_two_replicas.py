@@ -96,7 +96,7 @@ class Replica:
             membership=self.membership,
             clock=shared.clock,
         )
-        self.overdue = OverdueMissions(shared.db, shared.clock, shared.mint, listening)
+        self.overdue = OverdueMissions(shared, listening)
 
     async def handle_all(self) -> int:
         """Handle what has arrived; how many messages that was."""

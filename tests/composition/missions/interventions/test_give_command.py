@@ -79,7 +79,7 @@ async def test_a_plan_in_progress_does_not_end_a_hold(
     )
 
     async with HoldingSolver(composition, mission_id) as solver:
-        replanner = replace(composition.replanner, solver=solver)
+        replanner = replace(composition.replanner, context=composition.parts.planning_with(solver))
         for _ in range(2):
             await replanner.step()
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-from skyway_composition.missions.queue.give_up_withdrawn import WithdrawnDrones
+from skyway_composition.missions.queue.keep_calendars import WithdrawnDrones
 
 from skyway.contracts.drones import OutOfServiceAnswer, OutOfServiceQuery
 from tests.composition.busy_world import BusyWorld
@@ -37,7 +37,7 @@ class FakeRegistry:
 
 
 def withdrawals(world: BusyWorld, registry: FakeRegistry) -> WithdrawnDrones:
-    return WithdrawnDrones(world.db, registry, world.clock, world.mint)  # type: ignore[arg-type]
+    return WithdrawnDrones(world.context, registry)  # type: ignore[arg-type]
 
 
 async def test_queued_missions_are_given_up_and_the_live_one_is_flown(world: BusyWorld) -> None:

@@ -11,7 +11,6 @@ from skyway_composition.missions.replanning.propose import adjust_last_flight
 
 from skyway.contracts.flight_step import FlyStep, WaitStep
 from skyway.ids import InstructionId, MissionId
-from tests.counting_mint import CountingMint
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
@@ -29,9 +28,7 @@ async def joined(composition: Any, step: Any) -> bool:
             code="STATION_CLOSED",
             detail="closed",
         )
-        work = await MissionUnitOfWork.lock(
-            [record.drone_id], tx=tx, clock=composition.clock, mint=CountingMint()
-        )
+        work = await MissionUnitOfWork.lock(composition.parts, tx, [record.drone_id])
         await adjust_last_flight(work, record.mission_id, proposal)
     async with composition.db.read() as connection:
         steps = await steps_of(connection, MissionId("msn_000001"))

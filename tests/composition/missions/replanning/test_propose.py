@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 from skyway_composition.missions.mission.record import Trouble
-from skyway_composition.missions.mission.release_pads import pads_of
+from skyway_composition.missions.mission.standby import pads_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.request_plan import request_plan
+from skyway_composition.missions.replanning.check_plan import request_plan
 
 from skyway.contracts.flight_step import FlyStep, RechargeStep
 from skyway.ids import DroneId
@@ -57,9 +57,7 @@ def flying_state(drone: Any, instruction: Any, step_id: int) -> Any:
 
 async def trouble(composition: Any, why: Trouble = LATE_WIND) -> None:
     async with composition.db.write() as tx:
-        work = await MissionUnitOfWork.lock(
-            [DroneId("drn_1")], tx=tx, clock=composition.clock, mint=composition.parts.mint
-        )
+        work = await MissionUnitOfWork.lock(composition.parts, tx, [DroneId("drn_1")])
         await request_plan(work, work.missions[DroneId("drn_1")], why)
 
 

@@ -247,10 +247,14 @@ async def test_a_drone_below_its_reserve_charges_where_it_stands_first(
     assert await composition.broken() == []
 
 
-class FailsAt:
-    """`OccupiedPads` that fail like a database that is away for a moment."""
+class ClosingsAway:
+    """`Closings` that fail like a database that is away for a moment."""
 
-    async def close(self, _record: Any) -> None:
+    def __init__(self, now_ms: int) -> None:
+        self.now_ms = now_ms
+
+    @property
+    def db(self) -> Any:
         raise ServiceUnavailable("the database", "it is away")
 
 
@@ -260,7 +264,7 @@ async def test_an_error_for_one_mission_does_not_stop_planning_for_others(
     other = type(drone)(composition, drone_id="drn_2")
     await flown_until(composition, drone, failing=3, station_id="b", code="PAD_OCCUPIED")
     await flown_until(composition, other, make.candidate(2), failing=3, station_id="b")
-    failing = replace(composition.replanner, occupied=FailsAt())
+    failing = replace(composition.replanner, closings=ClosingsAway(composition.parts.now_ms))
 
     with pytest.raises(ExceptionGroup, match="missions not replanned"):
         await failing.step()

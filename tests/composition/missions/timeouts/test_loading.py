@@ -14,7 +14,7 @@ TIMEOUT = timedelta(seconds=1_800)
 
 async def sweep(composition: Any) -> None:
     parts = composition.parts
-    await LoadingTimeouts(parts.db, parts.networks, parts.clock, parts.mint).step()
+    await LoadingTimeouts(parts).step()
 
 
 async def test_a_drone_without_a_loader_becomes_free_again(

@@ -18,7 +18,7 @@ FIRST_LOOK = timedelta(seconds=15)
 
 async def looking(composition: Any) -> UnknownMissions:
     """The loop's work, after its first seconds."""
-    unknown = UnknownMissions(composition.db, composition.clock, composition.parts.mint)
+    unknown = UnknownMissions(composition.parts)
     await unknown.step()
     composition.clock.advance(FIRST_LOOK)
     return unknown
@@ -123,7 +123,7 @@ async def test_reports_that_waited_through_a_stop_raise_no_alarm(
 ) -> None:
     await accepted(composition, drone)
     composition.clock.advance(timedelta(hours=9))
-    unknown = UnknownMissions(composition.db, composition.clock, composition.parts.mint)
+    unknown = UnknownMissions(composition.parts)
     await unknown.step()
 
     assert await alarms(composition) == []

@@ -1,23 +1,29 @@
-"""Saves a better order: all calendars that it changes, in one transaction, or nothing."""
+"""Saves a better order or a shared trip: all its calendars in one transaction, or nothing."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from skyway.contracts.mission import Mission
 from skyway.ids import DroneId, MissionId, ProviderId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
-from skyway_composition.calendar.snapshot import Snapshot
+from skyway_composition.calendar.commit import Snapshot, WorldChanged
+from skyway_composition.context import Context
+from skyway_composition.missions.mission.custody_store import begin_at_pickup
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.release_pads import restore_pads
-from skyway_composition.missions.mission.standby import end_standby_before, restore_standby
+from skyway_composition.missions.mission.share import Share
+from skyway_composition.missions.mission.share_views import mission_of
+from skyway_composition.missions.mission.standby import (
+    end_standby_before,
+    restore_pads,
+    restore_standby,
+)
 from skyway_composition.missions.mission.step_store import replace_steps
 from skyway_composition.missions.mission.store import save_request
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report_left
 from skyway_composition.missions.queue.dispatching import store
 from skyway_composition.missions.queue.dispatching.fleet import Calendar, Fleet, Moments
-from skyway_composition.missions.queue.dispatching.judgement import Judgement
-from skyway_composition.missions.queue.dispatching.merger import Merge
+from skyway_composition.missions.queue.dispatching.merger import Merge, promises_of
+from skyway_composition.missions.queue.dispatching.plan_orders import Judgement
 from skyway_composition.missions.queue.move_queued import give_back_pads, move
 from skyway_composition.missions.queue.plan_queue import Moved
 from skyway_composition.pads.store import lock_stations
@@ -55,7 +61,7 @@ class BetterOrder:
         return min(each.record.start.at_ms for moved in self.moved.values() for each in moved)
 
 
-async def adopt(tx: Tx, better: BetterOrder, *, clock: FleetClock, mint: Mint) -> None:
+async def adopt(context: Context, tx: Tx, better: BetterOrder) -> None:
     """Save the new plans and report them.
 
     Raises
@@ -66,7 +72,7 @@ async def adopt(tx: Tx, better: BetterOrder, *, clock: FleetClock, mint: Mint) -
         Another mission, or a held offer, has one of the pads now.
     """
     fleet, drone_ids, times = better.fleet, sorted(better.fleet.calendars), better.times
-    work = await MissionUnitOfWork.lock_as_seen(better.seen, tx=tx, clock=clock, mint=mint)
+    work = await MissionUnitOfWork.lock_as_seen(context, tx, better.seen)
     await work.change_calendars(drone_ids)
     all_moved = [each for moved in better.moved.values() for each in moved]
     # All in one order, because each mission locks its own stations later.
@@ -128,3 +134,52 @@ async def _restore_standby(
     """Have the standby of the drone's last mission planned again if no mission follows it now."""
     if not moved and calendar.waiting:
         await restore_standby(work, calendar.waiting[-1])
+
+
+@dataclass(frozen=True, slots=True)
+class JoinedTrip:
+    """A shared trip: the new calendar of a drone, whose waiting mission carries a guest too."""
+
+    better: BetterOrder
+    guest: Share
+
+    @property
+    def record(self) -> MissionRecord:
+        """The host's mission with the packages of all its deliveries, as it is planned now."""
+        return next(
+            each.record
+            for moved in self.better.moved.values()
+            for each in moved
+            if self.guest in each.record.shares
+        )
+
+    @property
+    def host_before(self) -> MissionRecord:
+        """The host's mission as it was before the guest joined."""
+        waiting = self.better.fleet.waiting
+        return next(each for each in waiting if each.mission_id == self.record.mission_id)
+
+    async def join(self, context: Context, tx: Tx) -> Mission:
+        """Save the shared trip; returns the guest's mission.
+
+        The caller has locked or added the guest's delivery.
+
+        Raises
+        ------
+        WorldChanged
+            The host could start by now, or its drone's calendar or the network has changed.
+        RowRefused
+            Another mission, or a held offer, has one of the pads now.
+        """
+        if self.better.first_start_ms < context.now_ms:
+            raise WorldChanged
+        await adopt(context, tx, self.better)
+        record = self.record
+        promised = promises_of(self.host_before)
+        new = [each for each in record.mission.packages if each.package_id in self.guest.packages]
+        record = replace(record, promised=(*promised.values(), *new))
+        await save_request(tx, record)
+        await store.save_promises(tx, record)
+        store.add_guest(tx, record, self.guest)
+        begin_at_pickup(tx, record, self.guest.packages)
+        return mission_of(record, self.guest)

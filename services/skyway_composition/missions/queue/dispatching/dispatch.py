@@ -1,24 +1,296 @@
-"""Runs the dispatcher: it looks for better orders of what waits, and adopts them whole."""
+"""The dispatcher: it reads a fleet, searches, plans exactly, judges, and adopts a better order."""
 
 import asyncio
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Final, Literal
 
-from skyway.ids import NetworkId, ProviderId
-from skyway.runtime.clock import FleetClock
+from skyway.contracts.drones import (
+    MOST_DRONES,
+    OUT_OF_SERVICE,
+    OutOfServiceAnswer,
+    OutOfServiceQuery,
+)
+from skyway.ids import DroneId, MissionId, NetworkId, ProviderId
 from skyway.runtime.errors import RowRefused
-from skyway.runtime.loops import Wake
+from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.metrics import count, timed
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database
+from skyway.scheduling.trip import NoTrip
 from skyway.units import moment_to_ms
 from skyway_composition.calendar.commit import WorldChanged
-from skyway_composition.margins import REACHES
+from skyway_composition.context import Context
+from skyway_composition.links.store import held_among, links_to
+from skyway_composition.margins import ANOTHER_ORDER, HAND_OVER, REACHES
 from skyway_composition.missions.queue.dispatching import store
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, adopt
-from skyway_composition.missions.queue.dispatching.find_order import OrderFinder
+from skyway_composition.missions.queue.dispatching.fleet import (
+    Fleet,
+    Moments,
+    Orders,
+    fleet_of,
+)
+from skyway_composition.missions.queue.dispatching.fleet_problem import fleet_problem
+from skyway_composition.missions.queue.dispatching.merger import (
+    MergedOrder,
+    may_merge,
+    merged_order,
+)
+from skyway_composition.missions.queue.dispatching.plan_orders import judge, plan_orders
+from skyway_composition.missions.queue.dispatching.search_process import (
+    Search,
+    SearchFailed,
+    SearchProcess,
+)
+from skyway_composition.pads.store import booked_everywhere
+from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
+
+#: The most waiting missions of one search; a fleet with more keeps its order. Our own choice.
+_MOST_WAITING: Final = 500
+
+#: Why a fleet keeps its order: nothing to search for, the search has failed or found nothing
+#: better, or its order has no exact plan (at present or at all), breaks a promise, or saves too
+#: little.
+NotBetter = Literal["unsearched", "failed", "kept", "no plan now", "no plan", "promise", "no gain"]
+
+#: After these a fleet is not searched again until its calendars change.
+_SAME_AGAIN: Final = ("kept", "no plan", "promise", "no gain")
+
+#: How often an order is searched until no promise is broken. Our own choice.
+_MOST_SEARCHES: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """An order that breaks promises, and the drones that break them."""
+
+    late: frozenset[DroneId]
+
+
+#: What became of one search.
+Found = BetterOrder | Broken | NotBetter
+
+
+@dataclass(frozen=True, slots=True)
+class DispatchTerms:
+    """How often the dispatcher looks, how long it searches, and how late a promise may get.
+
+    Wall seconds, processor seconds and fleet seconds. With `every_s` 0 there is no dispatcher.
+    """
+
+    every_s: float
+    budget_s: float
+    tolerance_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class OrderFinder:
+    """Finds better orders.
+
+    A fleet for which there was none is not searched again until its calendars change.
+    """
+
+    context: Context
+    search: SearchProcess
+    registry: ServiceClient
+    terms: DispatchTerms
+    _searched: dict[tuple[NetworkId, ProviderId], Orders] = field(default_factory=dict)
+
+    async def fleets(self) -> list[tuple[NetworkId, ProviderId]]:
+        """The networks and providers in which missions may move; all others are forgotten."""
+        async with self.context.db.read() as connection:
+            fleets = await store.waiting_fleets(connection, after_ms=self._times().last_kept_ms)
+        for gone in self._searched.keys() - {*fleets}:
+            del self._searched[gone]
+        return fleets
+
+    async def find(self, network_id: NetworkId, provider_id: ProviderId) -> BetterOrder | NotBetter:
+        """A better order of the missions that wait in a provider's calendars, or why none."""
+        times = self._times()
+        skyway = await self.context.networks.current(network_id)
+        world = await World.of(skyway, self.context.db, after_ms=times.now_ms)
+        fleet = free_to_take_off(await self._fleet(network_id, provider_id, times), world, times)
+        # Calendars of an earlier network or closure are planned again first, without this search.
+        if not _can_improve(fleet) or not fleet.is_planned_in(world.present):
+            return "unsearched"
+        if self._searched.get((network_id, provider_id)) == fleet.orders:
+            return "unsearched"
+        found = await self._better(fleet, world, times)
+        if found in _SAME_AGAIN:
+            self._searched[network_id, provider_id] = fleet.orders
+        return found
+
+    async def _better(self, fleet: Fleet, world: World, times: Moments) -> BetterOrder | NotBetter:
+        """A better order of this fleet, or why none."""
+        pools = True
+        for _ in range(_MOST_SEARCHES):
+            order = await self._searched_order(fleet, world, times, pools=pools)
+            if order is None:
+                return "failed"
+            found = await self._planned(fleet, order, world, times)
+            if isinstance(found, BetterOrder) or found == "no plan now":
+                return found
+            if order.merges:
+                # An order without new shared trips may be better than the present one.
+                pools = False
+                continue
+            if not isinstance(found, Broken):
+                return found
+            # The drones that break promises keep their calendars in the next search.
+            fleet = fleet.only(fleet.calendars.keys() - found.late)
+            if not _can_improve(fleet):
+                break
+        return "promise"
+
+    async def _fleet(self, network_id: NetworkId, provider_id: ProviderId, times: Moments) -> Fleet:
+        async with self.context.db.read() as connection:
+            found = await store.open_missions_of(connection, network_id, provider_id)
+            drone_ids = sorted(found.versions)
+            held = await held_among(connection, drone_ids, now_ms=times.now_ms)
+            links = await links_to(connection, drone_ids)
+        fleet = fleet_of(found.records, links, versions=found.versions, left_out=held, times=times)
+        if not _can_improve(fleet):
+            return fleet
+        # These drones keep the missions that they have, and get no others.
+        withdrawn = await self._withdrawn([*fleet.calendars])
+        return fleet.only(fleet.calendars.keys() - withdrawn)
+
+    async def _withdrawn(self, drone_ids: list[DroneId]) -> frozenset[DroneId]:
+        """Drones out of service or due for maintenance, and all beyond the limit of a question."""
+        asked = OutOfServiceQuery(drone_ids=tuple(drone_ids[:MOST_DRONES]))
+        answer = await self.registry.call(
+            "POST", OUT_OF_SERVICE, body=asked, answer=OutOfServiceAnswer
+        )
+        return frozenset((*answer.drone_ids, *answer.due_drone_ids, *drone_ids[MOST_DRONES:]))
+
+    async def _searched_order(
+        self, fleet: Fleet, world: World, times: Moments, *, pools: bool
+    ) -> MergedOrder | None:
+        """The order that the search proposes, if it pools with shared trips; None if it fails."""
+        skyway = world.skyway
+        async with self.context.db.read() as connection:
+            held = await booked_everywhere(connection, skyway.network_id, moment_ms=times.now_ms)
+        fields = fleet_problem(
+            fleet,
+            world,
+            held=held,
+            times=times,
+            tolerance_s=self.terms.tolerance_s,
+            may_merge=await self._may_merge(fleet) if pools else (),
+        )
+        search = Search(
+            skyway.network_id, skyway.version, fields, self.terms.budget_s, seed=times.now_ms
+        )
+        try:
+            found = await self.search.find(search, skyway.network)
+        except SearchFailed as error:
+            log.warning("search for a better order failed", extra={"reason": str(error)})
+            return None
+        about = "processor seconds of searches for a better order"
+        count("skyway_dispatch_processor_seconds", about, found.processor_s)
+        if not found.is_complete:
+            return MergedOrder(fleet.orders)
+        return merged_order(fleet, found.orders, found.shared)
+
+    async def _may_merge(self, fleet: Fleet) -> frozenset[MissionId]:
+        """The waiting missions that may share a trip with others, if there are some."""
+        found = {
+            each.mission_id: each.mission.delivery_id for each in fleet.waiting if may_merge(each)
+        }
+        if len(found) < 2:
+            return frozenset()
+        async with self.context.db.read() as connection:
+            split = await store.with_several_trips(connection, {*found.values()})
+        return frozenset(each for each, of in found.items() if of not in split)
+
+    async def _planned(
+        self, fleet: Fleet, order: MergedOrder, world: World, times: Moments
+    ) -> Found:
+        """The order with exact plans, if it is better."""
+        changed = order.changed_from(fleet)
+        if not changed:
+            return "kept"
+        if await self._breaks_refusals(fleet, order.orders):
+            return "no plan"
+        found = await self._judged(fleet.only(changed), order, world, times)
+        others = {each.drone_id for each in fleet.waiting} - changed
+        if not isinstance(found, BetterOrder) and others:
+            # The standbys of all other drones make room for the services too.
+            found = await self._judged(fleet.only(changed | others), order, world, times)
+        return found
+
+    async def _judged(
+        self, affected: Fleet, order: MergedOrder, world: World, times: Moments
+    ) -> Found:
+        """The order of these drones with exact plans, if it is better."""
+        hosts = [each.host for each in order.merges]
+        moved = await plan_orders(
+            self.context.solver,
+            world,
+            affected,
+            order.orders,
+            instead=hosts,
+            times=times,
+            clock=self.context.clock,
+            tolerance_s=self.terms.tolerance_s,
+        )
+        if isinstance(moved, NoTrip):
+            log.info("better order has no plan", extra={"code": moved.code, "detail": moved.detail})
+            return "no plan now" if moved.is_temporary else "no plan"
+        before = {each.mission_id: each for each in (*affected.waiting, *hosts)}
+        after = [each.record for planned in moved.values() for each in planned]
+        changes = ((before[each.mission_id], each) for each in after)
+        guests = [guest for each in order.merges for guest in each.guests]
+        judgement = judge(changes, tolerance_s=self.terms.tolerance_s, guests=guests)
+        if judgement.late:
+            return Broken(judgement.late)
+        if not judgement.is_better:
+            return "no gain"
+        return BetterOrder(affected, world, times, moved, judgement, order.merges)
+
+    async def _breaks_refusals(self, fleet: Fleet, orders: Orders) -> bool:
+        """Whether a mission would go to a drone that has refused its delivery."""
+        again = {
+            each.mission_id: each.mission.delivery_id
+            for each in fleet.waiting
+            if each.mission.attempt > 1
+        }
+        if not again:
+            return False
+        async with self.context.db.read() as connection:
+            refusals = await store.refusals_of(connection, {*again.values()})
+        return any(
+            (again[each], drone_id) in refusals
+            for drone_id, order in orders.items()
+            for each in order
+            if each in again
+        )
+
+    def _times(self) -> Moments:
+        now_ms = self.context.now_ms
+        ahead_ms = ANOTHER_ORDER.ms(self.context.clock, more_wall_s=2 * self.terms.budget_s)
+        return Moments(now_ms, now_ms + ahead_ms, HAND_OVER.ms(self.context.clock))
+
+
+def free_to_take_off(fleet: Fleet, world: World, times: Moments) -> Fleet:
+    """The drones that no ground stop holds where their next missions would begin."""
+    free = {
+        drone_id
+        for drone_id, each in fleet.calendars.items()
+        if (slot := each.slot(not_before_ms=0, times=times)) is not None
+        and world.conditions.ground_stop(
+            each.candidate.model_copy(update={"station_id": slot.station_id}), at_ms=slot.at_ms
+        )
+        is None
+    }
+    return fleet.only(free)
+
+
+def _can_improve(fleet: Fleet) -> bool:
+    """Whether there is something to exchange."""
+    waiting = len(fleet.waiting)
+    return 1 <= waiting <= _MOST_WAITING and (waiting > 1 or len(fleet.calendars) > 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +300,8 @@ class Dispatcher:
     After an adoption it wakes `calendars`.
     """
 
-    db: Database
+    context: Context
     finder: OrderFinder
-    clock: FleetClock
-    mint: Mint
-    calendars: Wake
 
     async def step(self) -> bool:
         """Step of a loop: look at each fleet once. Always False.
@@ -55,13 +324,13 @@ class Dispatcher:
 
     async def adopt(self, better: BetterOrder) -> str:
         """Save a better order, if nothing has changed since; returns the outcome."""
-        now = self.clock.now()
-        if better.first_start_ms < moment_to_ms(now + REACHES.span(self.clock)):
+        now = self.context.clock.now()
+        if better.first_start_ms < moment_to_ms(now + REACHES.span(self.context.clock)):
             return "outdated"
         judgement = better.judgement
         try:
-            async with self.db.write() as tx:
-                await adopt(tx, better, clock=self.clock, mint=self.mint)
+            async with self.context.db.write() as tx:
+                await adopt(self.context, tx, better)
                 await store.note_better_order(
                     tx,
                     better.provider_id,
@@ -74,7 +343,7 @@ class Dispatcher:
             return "taken"
         except WorldChanged:
             return "outdated"
-        self.calendars.set()
+        self.context.calendars.set()
         about = "seconds by which adopted orders deliver earlier"
         count("skyway_dispatch_saved_seconds", about, max(0.0, judgement.saved_s))
         guests = sum(len(each.guests) for each in better.merges)

@@ -19,28 +19,22 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, MissionId, ProviderId, StationId
 from skyway.network.great_circle import distances_m
 from skyway.network.network import Network
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import current_traceparent
 from skyway.scheduling.trip import NoTrip
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.context import Context
 from skyway_composition.links.store import held_among, links_to
 from skyway_composition.margins import HAND_OVER, JOINS
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import NearPickup, Share, flight_id
 from skyway_composition.missions.queue.dispatching import store
-from skyway_composition.missions.queue.dispatching.adopt import BetterOrder
-from skyway_composition.missions.queue.dispatching.find_order import free_to_take_off
+from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, JoinedTrip
+from skyway_composition.missions.queue.dispatching.dispatch import free_to_take_off
 from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments, fleet_of
-from skyway_composition.missions.queue.dispatching.join_host import JoinedTrip
-from skyway_composition.missions.queue.dispatching.judgement import judge
 from skyway_composition.missions.queue.dispatching.merger import Guest, carrying
-from skyway_composition.missions.queue.dispatching.plan_orders import plan_orders
+from skyway_composition.missions.queue.dispatching.plan_orders import judge, plan_orders
 from skyway_composition.missions.queue.plan_queue import latest_ms
-from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.offer import Offer, Offers
-from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
 #: How fast customers walk to another station, along the straight line, m/s. Our own choice.
@@ -141,11 +135,7 @@ def _around(network: Network, own: StationId, *, within_m: float) -> dict[Statio
 class HostFinder:
     """Finds waiting missions that requests can join."""
 
-    db: Database
-    networks: PreparedNetworks
-    solver: SolverPool
-    clock: FleetClock
-    mint: Mint
+    context: Context
     tolerance_s: float
 
     async def find(
@@ -156,12 +146,12 @@ class HostFinder:
         if asked is None:
             return None
         times = self._times()
-        skyway = await self.networks.around(asked.request.pickup.station_id)
+        skyway = await self.context.networks.around(asked.request.pickup.station_id)
         if skyway is None:
             return None
         pickups = _Pickups.of(asked.request, skyway.network, now_ms=times.now_ms)
-        world = await World.of(skyway, self.db, after_ms=times.now_ms)
-        async with self.db.read() as connection:
+        world = await World.of(skyway, self.context.db, after_ms=times.now_ms)
+        async with self.context.db.read() as connection:
             hosts = await store.hosts_at(
                 connection,
                 skyway.network_id,
@@ -193,13 +183,13 @@ class HostFinder:
         if together is None:
             return None
         moved = await plan_orders(
-            self.solver,
+            self.context.solver,
             world,
             fleet,
             fleet.orders,
             instead=[together],
             times=times,
-            clock=self.clock,
+            clock=self.context.clock,
             tolerance_s=self.tolerance_s,
         )
         if isinstance(moved, NoTrip):
@@ -215,7 +205,7 @@ class HostFinder:
 
     async def _fleet_of(self, host: MissionRecord, times: Moments) -> Fleet:
         """The calendar of the mission's drone; no calendar if nothing in it may change now."""
-        async with self.db.read() as connection:
+        async with self.context.db.read() as connection:
             found = await store.open_missions_on(connection, host.drone_id)
             held = await held_among(connection, [host.drone_id], now_ms=times.now_ms)
             links = await links_to(connection, [host.drone_id])
@@ -227,7 +217,7 @@ class HostFinder:
         """The mission with the packages of both, to be planned again; None if they do not fit."""
         request, solo = asked.request, asked.of_provider[host.mission.provider_id]
         pickup = host.request.pickup
-        mission_id = MissionId(self.mint("msn"))
+        mission_id = MissionId(self.context.mint("msn"))
         flying = {
             flight_id(mission_id, number): each for number, each in enumerate(request.packages, 1)
         }
@@ -251,8 +241,10 @@ class HostFinder:
         return carrying(host, Guest(share, request.model_copy(update=update), etas))
 
     def _times(self) -> Moments:
-        now_ms = moment_to_ms(self.clock.now())
-        return Moments(now_ms, now_ms + JOINS.ms(self.clock), HAND_OVER.ms(self.clock))
+        now_ms = self.context.now_ms
+        return Moments(
+            now_ms, now_ms + JOINS.ms(self.context.clock), HAND_OVER.ms(self.context.clock)
+        )
 
 
 def _asked(

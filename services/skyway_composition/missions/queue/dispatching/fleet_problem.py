@@ -16,12 +16,12 @@ from skyway.planner.problem_parts import PackageToDeliver, PadReservation
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments
-from skyway_composition.missions.queue.dispatching.judgement import (
+from skyway_composition.missions.queue.dispatching.merger import MOST_SHARES
+from skyway_composition.missions.queue.dispatching.plan_orders import (
     ENERGY_S_PER_KWH,
     MOVE_S,
     weight_of,
 )
-from skyway_composition.missions.queue.dispatching.merger import MOST_SHARES
 from skyway_composition.missions.queue.plan_queue import latest_ms
 from skyway_composition.pads.store import PadHeldBy
 from skyway_composition.planning.problem_for import Standing, with_margins

@@ -10,8 +10,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.ids import DeliveryId, DroneId, MissionId, NetworkId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
-from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.row import PROMISED, read_record
+from skyway_composition.missions.mission.record import PROMISED, MissionRecord, read_record
 from skyway_composition.missions.mission.share import Share
 from skyway_composition.tables import (
     better_orders,

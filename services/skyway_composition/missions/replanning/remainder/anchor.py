@@ -27,7 +27,7 @@ from skyway_composition.missions.replanning.situation import (
     Whereabouts,
     whereabouts,
 )
-from skyway_composition.planning.closed_ahead import ClosedAhead
+from skyway_composition.planning.world import ClosedAhead
 
 #: Troubles for which a drone turns at the end of its present flight.
 _TURNS_IMMEDIATELY: Final = (CALLED_HOME,)

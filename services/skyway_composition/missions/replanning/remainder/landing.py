@@ -19,7 +19,7 @@ from skyway.planner.pad_book import booked_until_ms
 from skyway.planner.weather import STILL_AIR, Air, Weather
 from skyway.scheduling.trip import NOTHING_TO_DELIVER, Trip
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
-from skyway_composition.planning.closed_ahead import ClosedAhead
+from skyway_composition.planning.world import ClosedAhead
 
 
 @dataclass(frozen=True, slots=True)

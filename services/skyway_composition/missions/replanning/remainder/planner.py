@@ -8,18 +8,18 @@ The planner tries in this order:
 4. Leave them where the drone can land soonest.
 """
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 from skyway.delivery.request import DeliveryRequest, Package, Place
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidProblem
-from skyway.ids import StationId
+from skyway.ids import PackageId, StationId
 from skyway.planner.problem import Problem
 from skyway.scheduling.standby import StandbyChoice, fitted, standby_for
 from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import NOTHING_TO_DELIVER, NoTrip, Trip
 from skyway_composition.missions.mission.record import CALLED_HOME, Aim, MissionRecord, Trouble
-from skyway_composition.missions.replanning.remainder.aims import aims_to_try
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.landing import (
     LandingSearch,
@@ -29,8 +29,7 @@ from skyway_composition.missions.replanning.remainder.landing import (
     staying,
 )
 from skyway_composition.missions.replanning.situation import Situation
-from skyway_composition.planning.closed_ahead import ClosedAhead
-from skyway_composition.planning.find_trip import round_trip, way_home
+from skyway_composition.planning.find_trip import round_trip, way_home, without_missed_window
 from skyway_composition.planning.problem_for import (
     AimedPackage,
     Standing,
@@ -40,8 +39,7 @@ from skyway_composition.planning.problem_for import (
     with_margin,
 )
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.windows import without_missed_window
-from skyway_composition.planning.world import World, compose_in
+from skyway_composition.planning.world import ClosedAhead, World
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,7 +224,7 @@ class RemainderPlanner:
             station_id=station_id,
             start_ms=anchor.at_ms,
         )
-        plan = await compose_in(self.solver, self.world, problem)
+        plan = await self.solver.compose_in(self.world, problem)
         if not plan.is_flyable:
             code = "NO_PLAN_FOUND" if plan.infeasibility is None else plan.infeasibility.code
             detail = f"no way to {station_id!r} from {anchor.station_id!r}"
@@ -269,3 +267,57 @@ def _aimed_at(package: Package, station_id: StationId) -> Package:
 
 def _is_temporary(found: Remainder | NoTrip) -> bool:
     return isinstance(found, NoTrip) and found.is_temporary
+
+
+def aims_to_try(
+    record: MissionRecord, carried: frozenset[PackageId], closed: ClosedAhead
+) -> Iterator[tuple[Aim, ...]]:
+    """The aims to try: the present ones; without stations closed for good; all to the pickup."""
+    yield record.aims
+    if not carried:
+        return
+    on_board = record.packages(carried)
+    hopeless = [each for each in on_board if closed.is_closed_for_good(record.aim_of(each))]
+    turned = with_changed_aims(record.aims, [_instead(record, each, closed) for each in hopeless])
+    if hopeless:
+        yield turned
+    returned = with_changed_aims(record.aims, [back_to_pickup(record, each) for each in on_board])
+    if returned not in (record.aims, turned):
+        yield returned
+
+
+def absent_aim(record: MissionRecord, package: Package) -> Aim:
+    """Where a package goes when its recipient was absent; its alternative is tried once."""
+    other = package.alternative
+    if other is None or record.aim_of(package) != package.destination.station_id:
+        return back_to_pickup(record, package)
+    return Aim(package_id=package.package_id, station_id=other.station_id, kind="DELIVER")
+
+
+def back_to_pickup(record: MissionRecord, package: Package) -> Aim:
+    """The aim of a package that goes back to the pickup."""
+    pickup = record.request.pickup.station_id
+    return Aim(package_id=package.package_id, station_id=pickup, kind="RETURN")
+
+
+def with_changed_aims(aims: tuple[Aim, ...], changed: Collection[Aim]) -> tuple[Aim, ...]:
+    """The aims with the changed ones in place of earlier aims of the same packages."""
+    ids = {each.package_id for each in changed}
+    return (*(each for each in aims if each.package_id not in ids), *changed)
+
+
+def turned_back(before: tuple[Aim, ...], after: tuple[Aim, ...]) -> tuple[PackageId, ...]:
+    """The packages that go back to the pickup now and did not before."""
+    returning = {each.package_id for each in before if each.kind == "RETURN"}
+    return tuple(
+        each.package_id
+        for each in after
+        if each.kind == "RETURN" and each.package_id not in returning
+    )
+
+
+def _instead(record: MissionRecord, package: Package, closed: ClosedAhead) -> Aim:
+    other = package.alternative
+    if other is None or closed.is_closed_for_good(other.station_id):
+        return back_to_pickup(record, package)
+    return Aim(package_id=package.package_id, station_id=other.station_id, kind="DELIVER")

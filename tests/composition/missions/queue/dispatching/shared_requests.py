@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from skyway_composition.missions.booking.shared_trip import SharedTrips
+from skyway_composition.missions.booking.book import SharedTrips
 
 from skyway.contracts.mission_reports import MissionReport
 from skyway.delivery.request import DeliveryRequest

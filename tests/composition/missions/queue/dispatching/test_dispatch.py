@@ -378,7 +378,7 @@ async def test_a_cancellation_locks_the_drone_to_which_its_mission_has_just_move
         await lock_links(tx, [*better.moved])
         cancelling = asyncio.create_task(world.cancel(moved.mission.delivery_id, None))
         await until_a_lock_is_waited_for(world.db)
-        await adopt(tx, better, clock=world.clock, mint=world.mint)
+        await adopt(world.context, tx, better)
 
     assert (await cancelling).released == (f"{moved.mission.delivery_id}_1",)
     assert locked == [True]
@@ -445,6 +445,6 @@ async def test_a_look_at_many_fleets_rests_before_each_of_them() -> None:
 
     anything: Any = None
     finder: Any = Finder()
-    await Dispatcher(anything, finder, anything, anything, anything).step()
+    await Dispatcher(anything, finder).step()
 
     assert seen == ["rest", "prv_1", "rest", "prv_2"]

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import Share
-from skyway_composition.missions.queue.dispatching.judgement import judge
+from skyway_composition.missions.queue.dispatching.plan_orders import judge
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.mission import Mission, PackageEta

@@ -6,8 +6,8 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.missions.booking.shared_trip import SharedTrip
-from skyway_composition.missions.queue.dispatching.join_host import JoinedTrip
+from skyway_composition.missions.booking.book import SharedTrip
+from skyway_composition.missions.queue.dispatching.adopt import JoinedTrip
 from skyway_composition.tables import missions
 from sqlalchemy import update
 

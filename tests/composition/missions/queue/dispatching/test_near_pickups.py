@@ -7,7 +7,7 @@ from datetime import timedelta
 from typing import Any, Final
 
 import pytest
-from skyway_composition.missions.booking.shared_trip import SharedTrip
+from skyway_composition.missions.booking.book import SharedTrip
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import shares_json

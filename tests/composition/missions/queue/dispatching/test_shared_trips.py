@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from skyway_composition.context import Context
 from skyway_composition.live.live_store import missions_with_steps, open_missions
 from skyway_composition.live.present import live_missions
-from skyway_composition.missions.booking.shared_trip import SharedTrip
+from skyway_composition.missions.booking.book import SharedTrip
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import mission_of, missions_seen, own_fields
@@ -26,8 +27,6 @@ from skyway.contracts.margins import RiskMargin
 from skyway.contracts.mission import Mission
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, StationId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from tests.broken_rules import broken_rules
 from tests.composition.busy_world import BusyWorld
@@ -365,9 +364,9 @@ async def test_a_kill_before_the_end_of_the_transaction_leaves_the_calendar_whol
             self.joint = await found.find(*asked)
             return self
 
-        async def join(self, tx: Tx, *, clock: FleetClock, mint: Mint) -> Mission:
+        async def join(self, context: Context, tx: Tx) -> Mission:
             assert self.joint is not None
-            await self.joint.join(tx, clock=clock, mint=mint)
+            await self.joint.join(context, tx)
             raise _KilledError
 
     world.bookings = replace(world.bookings, shared=Killed())

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.landing import Landing, LandingSearch
-from skyway_composition.planning.closed_ahead import ClosedAhead
+from skyway_composition.planning.world import ClosedAhead
 
 from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId, StationId
