@@ -105,7 +105,7 @@ def planted(mutant: Mutant) -> Iterator[None]:
         yield
     finally:
         path.write_text(before)
-        # What Python and numba have compiled from this file stays valid.
+        # Compiled files are valid for this date, those of the mutant for another one.
         os.utime(path, ns=(written.st_atime_ns, written.st_mtime_ns))
 
 
@@ -160,8 +160,6 @@ def main() -> int:
         PAGE.write_text(page())
         return 0
     os.chdir(ROOT)
-    # Compiled files of a mutant must not outlive it.
-    os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
     multiprocessing.get_context("forkserver").set_forkserver_preload(list(IMPORTED))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("stopped"))  # after undoing the mutant
     chosen = [
