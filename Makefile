@@ -48,11 +48,13 @@ test-all: test
 	@$(PYTEST) -n $$(($(CORES) + 3)) -m long
 
 # Without brokers, databases (SQLite too) and whole systems. The import rules are among these tests.
+# mypy uses one processor, so it runs beside the tests.
 check: setup
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
-	@$(BIN)/mypy
-	@$(PYTEST) -n $(CORES) -m "not sql and not integration and not end_to_end and not long"
+	@sh -c '$(BIN)/mypy & trap "kill $$! 2>/dev/null" EXIT; trap "exit 130" INT TERM; \
+		$(PYTEST) -n $(CORES) -m "not sql and not integration and not end_to_end and not long" && \
+		{ wait $$! || { echo "mypy found errors: see above" >&2; exit 1; }; }'
 
 openapi: setup
 	@$(BIN)/python tools/write_openapi.py

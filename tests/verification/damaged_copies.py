@@ -2,7 +2,7 @@
 
 import shutil
 import sqlite3
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterable, Iterator, Mapping
 from contextlib import AsyncExitStack, ExitStack, asynccontextmanager, closing, contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
@@ -79,15 +79,20 @@ class StoppedSystem:
         return {each: f"sqlite:///{self._scratch}/{each}.db" for each in RULES}
 
     async def broken(self, corruption: Corruption) -> list[BrokenRule]:
-        """The rules that are broken after a corruption, which is undone."""
+        """The rules that are broken after a corruption, which is undone.
+
+        If one service's own rule must name the corruption, no other database is looked at.
+        """
         with ExitStack() as damages:
             for service, script in corruption.scripts.items():
                 damages.enter_context(self.damaged(service, script))
-            return await self.looked_at_again()
+            own = {each.name for service in corruption.scripts for each in RULES[service]}
+            services = corruption.scripts if corruption.rule in own else RULES
+            return await self.looked_at_again(services)
 
-    async def looked_at_again(self) -> list[BrokenRule]:
-        """The rules that are broken in the copies as they are now."""
-        databases = {name: checked_as(name, surveyed_soon(db)) for name, db in self._open.items()}
+    async def looked_at_again(self, services: Iterable[str] = RULES) -> list[BrokenRule]:
+        """The rules that are broken in the copies of these databases as they are now."""
+        databases = {name: checked_as(name, surveyed_soon(self._open[name])) for name in services}
         found = await check(
             databases, ACROSS, wall_at=self._wall_at, fleet_at=self._fleet_at, pauses_s=NO_PAUSE
         )

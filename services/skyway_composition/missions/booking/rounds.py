@@ -239,12 +239,12 @@ class Rounds:
                 return None, offers.reasons
             except WorldChanged as changed:
                 _count_conflict("calendar" if changed.drones else "outdated")
-                if not changed.drones:
+                drone_ids, before = this_round.shortlist.drone_ids, calendars
+                # The pads may still be free: plan with the calendars as they are now, if changed.
+                if changed.drones:
+                    calendars = await self.calendars(drone_ids, own_hold=cause.own_hold)
+                if calendars == before:
                     return None, offers.reasons
-                # The pads may still be free: plan with the calendars as they are now.
-                calendars = await self.calendars(
-                    this_round.shortlist.drone_ids, own_hold=cause.own_hold
-                )
 
     def _finder(self, this_round: _Round) -> TripFinder:
         begins_ms, latest_ms = this_round.begins_ms, this_round.limits.latest_ms
