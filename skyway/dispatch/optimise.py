@@ -7,16 +7,18 @@ docs/dispatch.md explains the method.
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from random import Random
 
 import numpy as np
 
 from skyway.dispatch.bound import lower_bound_s
 from skyway.dispatch.check import violations
 from skyway.dispatch.objective import Limits
+from skyway.dispatch.order_moves import Order, OrderMoves
 from skyway.dispatch.plan import FleetPlan
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.rows import Board
-from skyway.dispatch.schedule import Scheduler, Sequences
+from skyway.dispatch.schedule import Scheduler
 from skyway.dispatch.search import MOST_STEPS, OrderSearch
 from skyway.errors import SkywayError
 from skyway.planner.kernels.memory import Longs
@@ -132,7 +134,13 @@ def begun(problem: FleetProblem, *, seed: int = 0) -> OrderSearch:
     )
     board.limit(limits)
     scheduler.planner.latest_s = limits.latest_s
-    search = OrderSearch(scheduler, board, limits, arrival, baseline, _chance(seed))
+    moves = OrderMoves(
+        len(problem.requests),
+        len(problem.drones),
+        allows=scheduler.planner.sharing.allows,
+        draws=Random(seed),  # noqa: S311 - nothing is secret
+    )
+    search = OrderSearch(scheduler, board, limits, arrival, baseline, _chance(seed), moves)
     for each in (arrival, current):
         search.look_at(each)
     return search
@@ -148,18 +156,18 @@ class _Task:
     seed: int
 
 
-def _found(task: _Task) -> tuple[Sequences, int]:
-    """The sequences of the best schedule that this search finds, and its number of rounds."""
+def _found(task: _Task) -> tuple[Order, int]:
+    """The order of the best schedule that this search finds, and its number of rounds."""
     search = searched(task.problem, budget_s=task.budget_s, rounds=task.rounds, seed=task.seed)
-    return search.best.sequences(len(task.problem.drones)), search.rounds
+    return search.best.order, search.rounds
 
 
 def _best_of(tasks: Sequence[_Task], executor: Executor | None) -> OrderSearch:
     """A search whose best schedule is the best one that these searches find."""
     found = map(_found, tasks) if executor is None else executor.map(_found, tasks)
     best = begun(tasks[0].problem, seed=tasks[0].seed)
-    for sequences, rounds in found:
-        best.look_at(best.scheduler.planned(sequences))
+    for order, rounds in found:
+        best.look_at(best.scheduler.in_order(order))
         best.rounds += rounds
     return best
 

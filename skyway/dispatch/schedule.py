@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from skyway.dispatch.estimates import Estimates
 from skyway.dispatch.objective import Costs, Pricing
+from skyway.dispatch.order_moves import Order
 from skyway.dispatch.pads import HeldPad
 from skyway.dispatch.planned_trip import DroneTrip, NotPlanned, PlannedTrip, Pool
 from skyway.dispatch.pools import planned_trips
@@ -30,6 +31,11 @@ class Schedule:
     unserved: dict[int, NotPlanned]
     costs: Costs
 
+    @property
+    def order(self) -> Order:
+        """The drone and the requests of each trip, in the order in which they were planned."""
+        return tuple((each.drone, each.trip.pool) for each in self.trips)
+
     def sequences(self, drones: int) -> Sequences:
         """The requests of each drone's trips in order."""
         found: list[list[Pool]] = [[] for _ in range(drones)]
@@ -41,7 +47,9 @@ class Schedule:
 class Calendar:
     """The trips planned so far: where each drone is free, and which pads are held."""
 
-    def __init__(self, planner: TripPlanner, estimates: Estimates) -> None:
+    def __init__(
+        self, planner: TripPlanner, estimates: Estimates, trips: Iterable[DroneTrip] = ()
+    ) -> None:
         problem = planner.problem
         self._estimates = estimates
         self._planner = planner
@@ -53,6 +61,8 @@ class Calendar:
         self._pads = planner.given.copy()
         self._new_pads: list[HeldPad] = []
         self.trips: list[DroneTrip] = []
+        for drone, trip in trips:
+            self.add(trip, drone)
 
     def plan(self, pool: Pool, drone: int) -> PlannedTrip | None:
         """The trip of this drone after its trips so far, not added yet; None if it has no plan."""
@@ -145,6 +155,28 @@ class Scheduler:
                 calendar.add(trip, drone)
                 missing.difference_update(pool)
             heapq.heappush(waiting, (calendar.slots[drone].at_ms, drone))
+        return self.priced(calendar.trips, self._added(calendar, missing))
+
+    def in_order(self, order: Order, *, like: Schedule | None = None) -> Schedule:
+        """The schedule whose trips are planned in this order.
+
+        Requests that are missing or have no plan are added at the end as in the arrival order. The
+        first trips of `like` are taken over as far as the order is the same.
+        """
+        known = () if like is None else like.trips
+        same = 0
+        while same < min(len(order), len(known)) and order[same] == (
+            known[same].drone,
+            known[same].trip.pool,
+        ):
+            same += 1
+        calendar = Calendar(self.planner, self.estimates, known[:same])
+        for drone, pool in order[same:]:
+            trip = calendar.plan(pool, drone)
+            if trip is not None:
+                calendar.add(trip, drone)
+        missing = set(range(len(self.problem.requests)))
+        missing.difference_update(number for each in calendar.trips for number in each.trip.pool)
         return self.priced(calendar.trips, self._added(calendar, missing))
 
     def current(self) -> Schedule | None:

@@ -2,15 +2,17 @@
 
 Each round changes the best order so far by simulated annealing over the estimates of trips. The
 first heat differs from round to round. Then the exact planner plans all trips of the new order
-around each other's pads. The search keeps the new schedule if it costs less.
+around each other's pads. The search keeps the new schedule if it costs less. After some rounds in
+vain each round ends with random moves that the exact planner judges one by one.
 """
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from skyway.dispatch.objective import Limits
+from skyway.dispatch.order_moves import OrderMoves
 from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.rows import Board
 from skyway.dispatch.schedule import Schedule, Scheduler
@@ -32,6 +34,14 @@ _HEATS: Final = (0.2, 0.05, 0.5, 0.1, 0.02)
 #: The last heat of each round, as a share of its first heat.
 _COLD: Final = 0.01
 
+#: After so many rounds in vain for each request, each round also has moves that the exact planner
+#: judges. They go on from a schedule that costs more than the best one by at most this share, and
+#: begin at the best one again after so many moves in vain. Our own choice.
+_ROUNDS_IN_VAIN: Final = 0.25
+_MOVES: Final = 20
+_WORSE: Final = 0.005
+_MOVES_IN_VAIN: Final = 100
+
 
 @dataclass(slots=True)
 class OrderSearch:
@@ -43,8 +53,17 @@ class OrderSearch:
     arrival: Schedule
     best: Schedule
     chance: Longs
+    moves: OrderMoves
     most_steps: int = MOST_STEPS
     rounds: int = 0
+    #: The schedule from which the moves go on.
+    walked: Schedule = field(init=False)
+    #: How many rounds, and how many moves, in a row found nothing better.
+    rounds_in_vain: int = 0
+    moves_in_vain: int = 0
+
+    def __post_init__(self) -> None:
+        self.walked = self.best
 
     def run(self, is_over: Callable[[int], bool]) -> None:
         """Search until `is_over` returns True for the number of rounds so far."""
@@ -53,7 +72,13 @@ class OrderSearch:
             return
         steps, heat = _FIRST_STEPS * requests, _FIRST_HEAT
         while not is_over(self.rounds):
+            before_s = self.best.costs.total_s
             self._round(min(steps, self.most_steps), heat)
+            is_better = self.best.costs.total_s < before_s
+            self.rounds_in_vain = 0 if is_better else self.rounds_in_vain + 1
+            if self.rounds_in_vain >= _ROUNDS_IN_VAIN * requests:
+                for _ in range(_MOVES):
+                    self._move()
             steps, heat = _STEPS * requests, _HEATS[self.rounds % len(_HEATS)]
             self.rounds += 1
 
@@ -66,6 +91,19 @@ class OrderSearch:
         found = self.scheduler.planned(self.board.sequences(rows))
         self.look_at(found)
         self.board.harden(self._too_late(found))
+
+    def _move(self) -> None:
+        """Change the order of the walked schedule, and plan it exactly."""
+        found = self.scheduler.in_order(self.moves.changed(self.walked.order), like=self.walked)
+        before_s = self.best.costs.total_s
+        self.look_at(found)
+        is_better = self.best.costs.total_s < before_s
+        self.moves_in_vain = 0 if is_better else self.moves_in_vain + 1
+        allowed_s = self.best.costs.total_s + _WORSE * abs(self.best.costs.total_s)
+        if self.moves_in_vain in (0, _MOVES_IN_VAIN):
+            self.walked, self.moves_in_vain = self.best, 0
+        elif found.costs.total_s <= allowed_s and self.limits.are_kept(found.costs):
+            self.walked = found
 
     def _too_late(self, found: Schedule) -> Iterator[Pool]:
         """The shared trips that break promises."""

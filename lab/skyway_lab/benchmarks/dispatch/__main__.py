@@ -4,6 +4,7 @@ rolling: one hour of requests; each minute every policy plans the requests that 
 together: all requests of the hour are known when it begins; with a proven lower bound.
 published: a published instance with few chargers, solved in the same way.
 standbys: where idle drones wait, without a search.
+small: random fleets of two drones, beside every order.
 
 docs/dispatch.md says how the cases are drawn, and holds the results.
 """
@@ -17,6 +18,7 @@ from types import MappingProxyType
 
 from skyway_lab.benchmarks.dispatch.peers import Order, planned_in_order, present_peers
 from skyway_lab.benchmarks.dispatch.published import published_fleet
+from skyway_lab.benchmarks.dispatch.small import small
 from skyway_lab.benchmarks.dispatch.standbys import standbys
 from skyway_lab.benchmarks.planner.machine import Machine
 from skyway_lab.benchmarks.planner.table import Table
@@ -51,6 +53,7 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--case", type=int, action="append", help="only the case of this number")
     parser.add_argument("--seeds", type=int, default=3, help="seeds 1 to this")
     parser.add_argument("--minute-s", type=float, default=0.3, help="processor time a minute")
+    parser.add_argument("--fleets", type=int, default=200, help="small random fleets")
     parser.add_argument("--budget-s", type=float, default=10.0, help="processor time of a plan")
     parser.add_argument(
         "--no-bound", action="store_true", help="prove nothing; a proof takes a minute a plan"
@@ -127,6 +130,7 @@ PARTS: Mapping[str, Callable[[argparse.Namespace], Iterator[Table]]] = MappingPr
         "together": together,
         "published": published,
         "standbys": lambda sizes: standbys(seeds=sizes.seeds),
+        "small": lambda sizes: small(sizes.fleets, budget_s=sizes.minute_s),
     }
 )
 
