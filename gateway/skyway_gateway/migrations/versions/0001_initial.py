@@ -2,7 +2,6 @@
 
 import sqlalchemy as sa
 from alembic import op
-
 from skyway_gateway.tables import audit_head, metadata
 
 revision = "0001"

@@ -1,7 +1,6 @@
 """The tables of the registry, as `tables` has them; the first release writes them out here."""
 
 from alembic import op
-
 from skyway_provider_registry.tables import metadata
 
 revision = "0001"
