@@ -72,7 +72,7 @@ PACKAGE: Final = "skyway_gateway"
 
 def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
     """The app with the routes of all rooms; the lifespan opens the parts."""
-    db, gate, clock, keys = parts.db, parts.gate, parts.clock, parts.keys
+    db, clock, keys = parts.db, parts.clock, parts.keys
     return create_app(
         service=SERVICE,
         title="Skyway",
@@ -82,19 +82,18 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         "3339 UTC, quantities are in SI units, prices in minor units of their currency.",
         # A request is compared with each route in this order: the busiest routes come first.
         routers=[
-            delivery_routes(gate=gate, acceptance=parts.acceptance, canceller=parts.canceller),
+            delivery_routes(acceptance=parts.acceptance, canceller=parts.canceller),
             report_routes(gate=parts.services, applier=parts.applier),
-            quote_routes(db=db, gate=gate, maker=parts.quote_maker),
+            quote_routes(db=db, maker=parts.quote_maker),
             reading_routes(
                 db=db,
-                gate=gate,
                 composition=parts.composition,
                 stream=EventStream(db, parts.listeners),
                 slots=parts.streams,
             ),
-            earnings_routes(db=db, gate=gate, reporting=parts.reporting),
-            live_routes(gate=gate, feed=parts.live, slots=parts.streams, meters=parts.meters),
-            link_routes(db=db, gate=gate, links=parts.links),
+            earnings_routes(db=db, reporting=parts.reporting),
+            live_routes(feed=parts.live, slots=parts.streams, meters=parts.meters),
+            link_routes(db=db, links=parts.links),
             page_routes(
                 pages=parts.pages,
                 feed=parts.live,
@@ -103,7 +102,6 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             ),
             webhook_routes(
                 db=db,
-                gate=gate,
                 targets=parts.targets,
                 quota=parts.webhook_quota,
                 trials=parts.trials,
@@ -112,24 +110,20 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 clock=clock,
                 mint=mint,
             ),
-            secret_routes(db=db, gate=gate, vault=parts.vault, clock=clock),
+            secret_routes(db=db, vault=parts.vault, clock=clock),
             session_routes(
                 db=db,
-                gate=gate,
                 clock=clock,
                 cached=parts.cached_sessions,
                 codes=parts.login_codes,
             ),
-            session_link_routes(db=db, gate=gate, codes=parts.login_codes),
-            key_routes(db=db, gate=gate, keys=keys, clock=clock),
-            clock_routes(gate=gate, anchor=parts.anchor),
-            provider_routes(
-                db=db, gate=gate, registry=parts.clients["registry"], keys=keys, clock=clock
-            ),
-            statistics_routes(db=db, gate=gate, clock=clock, reporting=parts.reporting),
-            audit_routes(db=db, gate=gate),
+            session_link_routes(db=db, codes=parts.login_codes),
+            key_routes(db=db, keys=keys, clock=clock),
+            clock_routes(anchor=parts.anchor),
+            provider_routes(db=db, registry=parts.clients["registry"], keys=keys, clock=clock),
+            statistics_routes(db=db, clock=clock, reporting=parts.reporting),
+            audit_routes(db=db),
             limit_routes(
-                gate=gate,
                 meters=parts.meters,
                 counters=(
                     parts.quota,
@@ -141,7 +135,6 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 ),
             ),
             forward_routes(
-                gate=gate,
                 registry=parts.clients["registry"],
                 to_cells=ForwardToCells(parts.servers, parts.find),
                 changes=parts.waker,
@@ -153,7 +146,6 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
             console_routes(base_map=parts.base_map),
             system_routes(
-                gate=gate,
                 clients=parts.all_clients,
                 gauges=parts.gauges,
                 small_world=parts.small_world,

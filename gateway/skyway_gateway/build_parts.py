@@ -25,7 +25,6 @@ from skyway_gateway.access.keys_in_use import KeysInUse
 from skyway_gateway.access.login_codes import LoginCodes
 from skyway_gateway.access.recognise import AllKeys, CachedKeys, DroneKeys
 from skyway_gateway.access.refused_logins import RefusedLogins
-from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
 from skyway_gateway.clients import RestRegistry
 from skyway_gateway.console.base_map import BaseMap
@@ -115,7 +114,6 @@ def build_parts(
         cached_keys=cached_keys,
         cached_sessions=cached_sessions,
         login_codes=LoginCodes(db, clock, public_url),
-        gate=KeyGate(),
         base_map=BaseMap(settings.console_map),
         small_world=SmallWorld(settings.small_world_file),
         metrics_gate=MetricsGate(settings.secrets_dir),

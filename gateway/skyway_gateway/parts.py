@@ -22,7 +22,6 @@ from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.login_codes import LoginCodes
 from skyway_gateway.access.recognise import CachedKeys
 from skyway_gateway.access.refused_logins import RefusedLogins
-from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
 from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.console.base_map import BaseMap
@@ -72,7 +71,6 @@ class Parts:
     login_codes: LoginCodes
     base_map: BaseMap
     small_world: SmallWorld
-    gate: KeyGate
     metrics_gate: MetricsGate
     entrance: KeyEntrance
     refused_logins: RefusedLogins

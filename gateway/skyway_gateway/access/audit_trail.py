@@ -2,7 +2,7 @@
 
 Calls that only read are not logged.
 
-The entry is written before the answer is sent, so that no answered call is missing. The key gate
+The entry is written before the answer is sent, so that no answered call is missing. The key
 identifies the caller; a call that it refuses changes nothing and has no entry.
 """
 

@@ -1,25 +1,19 @@
 """GET /v1/limits: what the caller may use, and what is left of it."""
 
 from collections.abc import Sequence
-from typing import Annotated
-
-from fastapi import Depends
 
 from skyway.runtime.http.entrance import Meters
-from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.access.usage import Limits, UsageBudget, UsageCounter
 
 
-def limit_routes(
-    *, gate: KeyGate, meters: Meters, counters: Sequence[UsageCounter]
-) -> ServiceRouter:
+def limit_routes(*, meters: Meters, counters: Sequence[UsageCounter]) -> ServiceRouter:
     """GET /v1/limits."""
     router = ServiceRouter(tags=("limits",))
 
     @router.get("/v1/limits")
-    async def show_limits(caller: Annotated[Caller, Depends(gate)]) -> Limits:
+    async def show_limits(caller: KeyCaller) -> Limits:
         """Show what the caller may use, and what is left of it.
 
         Callers: every API key.

@@ -1,4 +1,4 @@
-"""API keys and the audit log over HTTP: the gate that gives the caller, and operators' routes."""
+"""API keys and the audit log over HTTP: who the caller is, and operators' routes."""
 
 from typing import Annotated
 
@@ -23,16 +23,15 @@ from skyway_gateway.access.store import KeyListQuery
 _bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a drone's: dk_...")
 
 
-class KeyGate:
-    """A dependency that gives the caller whom the entrance has recognised."""
+async def caller_of_key(
+    request: Request, _shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
+) -> Caller:
+    """The caller whose key is shown, if the key has the scope of this call."""
+    return admitted(request)
 
-    async def __call__(
-        self,
-        request: Request,
-        _shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
-    ) -> Caller:
-        """The caller whose key is shown, if the key has the scope of this call."""
-        return admitted(request)
+
+#: The caller of a route that needs a key.
+KeyCaller = Annotated[Caller, Depends(caller_of_key)]
 
 
 async def caller_with_key(
@@ -74,7 +73,7 @@ def holder_of(request: Request) -> KeyHolder:
     return holder
 
 
-def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) -> ServiceRouter:
+def key_routes(*, db: Database, keys: Keys, clock: FleetClock) -> ServiceRouter:
     """POST, GET and DELETE /v1/keys, for operators; POST /v1/keys/rotations, for each holder."""
     router = ServiceRouter(tags=("keys",))
 
@@ -86,7 +85,7 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
     )
     async def create_key(
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         requested: NewKey,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
@@ -103,7 +102,7 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
     @router.post("/v1/keys/rotations", status_code=201, response_model=IssuedKey)
     async def rotate_key(
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Get the next key of the key that is shown, with the same name, scopes and expiry.
@@ -120,9 +119,7 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
         return response_of(await keys.rotate(holder, call))
 
     @router.get("/v1/keys")
-    async def list_keys(
-        caller: Annotated[Caller, Depends(gate)], query: Annotated[KeyListQuery, Query()]
-    ) -> Page[ApiKey]:
+    async def list_keys(caller: KeyCaller, query: Annotated[KeyListQuery, Query()]) -> Page[ApiKey]:
         """List all keys in use, without their secrets.
 
         Callers: operator.
@@ -133,7 +130,7 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
         return page_of(found, query, item=lambda key: key, sort_key=lambda key: (key.key_id,))
 
     @router.get("/v1/keys/{key_id}")
-    async def get_key(key_id: KeyId, caller: Annotated[Caller, Depends(gate)]) -> ApiKey:
+    async def get_key(key_id: KeyId, caller: KeyCaller) -> ApiKey:
         """Show a key, without its secret.
 
         Callers: operator.
@@ -143,7 +140,7 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
             return await store.one(connection, key_id, at=clock.wall_now())
 
     @router.delete("/v1/keys/{key_id}", status_code=204)
-    async def delete_key(key_id: KeyId, caller: Annotated[Caller, Depends(gate)]) -> Response:
+    async def delete_key(key_id: KeyId, caller: KeyCaller) -> Response:
         """Delete a key; calls with it are refused from now on.
 
         Callers: operator.
@@ -155,13 +152,13 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
     return router
 
 
-def audit_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
+def audit_routes(*, db: Database) -> ServiceRouter:
     """GET /v1/audit."""
     router = ServiceRouter(tags=("audit",))
 
     @router.get("/v1/audit")
     async def list_audit_entries(
-        caller: Annotated[Caller, Depends(gate)], query: Annotated[AuditQuery, Query()]
+        caller: KeyCaller, query: Annotated[AuditQuery, Query()]
     ) -> Page[AuditEntry]:
         """List what operators and providers changed, and refused keys, the newest first.
 

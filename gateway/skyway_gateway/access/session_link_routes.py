@@ -2,17 +2,16 @@
 
 from typing import Annotated
 
-from fastapi import Depends, Request
+from fastapi import Request
 from pydantic import Field
 
 from skyway.contracts.message import WallMoment
 from skyway.ids import KeyId
 from skyway.json_model import JsonModel
-from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.login_codes import LoginCodes
-from skyway_gateway.access.routes import KeyGate, holder_of
+from skyway_gateway.access.routes import KeyCaller, holder_of
 
 
 class SessionLink(JsonModel):
@@ -31,14 +30,12 @@ class SessionLink(JsonModel):
     ]
 
 
-def session_link_routes(*, db: Database, gate: KeyGate, codes: LoginCodes) -> ServiceRouter:
+def session_link_routes(*, db: Database, codes: LoginCodes) -> ServiceRouter:
     """POST /v1/session-links."""
     router = ServiceRouter(tags=("keys",))
 
     @router.post("/v1/session-links", status_code=201)
-    async def create_session_link(
-        request: Request, caller: Annotated[Caller, Depends(gate)]
-    ) -> SessionLink:
+    async def create_session_link(request: Request, caller: KeyCaller) -> SessionLink:
         """Make a link that logs a browser in to the console, once within ten minutes.
 
         The link ends with its key. A key has at most 50 links; another one ends the oldest.

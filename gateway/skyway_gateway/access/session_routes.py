@@ -26,7 +26,7 @@ from skyway_gateway.access import session_store
 from skyway_gateway.access.api_key import KeyRole
 from skyway_gateway.access.login_codes import LoginCodes
 from skyway_gateway.access.recognise import CachedKeys
-from skyway_gateway.access.routes import KeyGate, admitted, caller_with_key, holder_of
+from skyway_gateway.access.routes import KeyCaller, admitted, caller_with_key, holder_of
 
 #: How long a session lasts, wall time.
 SESSION_LASTS: Final = timedelta(hours=12)
@@ -69,7 +69,6 @@ class Session(JsonModel):
 def session_routes(
     *,
     db: Database,
-    gate: KeyGate,
     clock: FleetClock,
     cached: CachedKeys,
     codes: LoginCodes,
@@ -125,7 +124,7 @@ def session_routes(
         return _session(request)
 
     @router.get("/v1/sessions/current")
-    async def get_session(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Session:
+    async def get_session(request: Request, caller: KeyCaller) -> Session:
         """Show for whom the browser calls.
 
         Callers: customer, provider, operator.
@@ -134,9 +133,7 @@ def session_routes(
         return _session(request)
 
     @router.delete("/v1/sessions/current", status_code=204)
-    async def delete_session(
-        request: Request, caller: Annotated[Caller, Depends(gate)]
-    ) -> Response:
+    async def delete_session(request: Request, caller: KeyCaller) -> Response:
         """End the browser's session, and have it forget the cookie.
 
         Callers: customer, provider, operator.

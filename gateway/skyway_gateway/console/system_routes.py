@@ -2,9 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Mapping
-from typing import Annotated, Final
-
-from fastapi import Depends
+from typing import Final
 
 from skyway.contracts.figures import (
     FIGURES,
@@ -17,13 +15,12 @@ from skyway.contracts.figures import (
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.http.answers import conflicts
 from skyway.runtime.http.client import ServiceClient
-from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.metrics_routes import figures_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.metrics import Gauges
 from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.engines import Dialect
-from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.console.small_world import SmallWorld
 
 #: How long a service may take, wall seconds.
@@ -37,7 +34,6 @@ _NOT_COUNTED: Final[Mapping[Dialect, tuple[NotCounted, ...]]] = {
 
 def system_routes(
     *,
-    gate: KeyGate,
     clients: Callable[[], Mapping[str, ServiceClient]],
     gauges: Gauges,
     small_world: SmallWorld,
@@ -47,7 +43,7 @@ def system_routes(
     router = ServiceRouter(tags=("service",))
 
     @router.get("/v1/system")
-    async def get_system(caller: Annotated[Caller, Depends(gate)]) -> SystemHealth:
+    async def get_system(caller: KeyCaller) -> SystemHealth:
         """Show whether each service answers, what it counts and measures, and its last errors.
 
         The figures are those of `/metrics`, without the buckets of histograms. They count since the
@@ -66,7 +62,7 @@ def system_routes(
         )
 
     @router.post("/v1/small-world", status_code=202, responses=conflicts("NO_SMALL_WORLD"))
-    async def start_small_world(caller: Annotated[Caller, Depends(gate)]) -> RequestedSmallWorld:
+    async def start_small_world(caller: KeyCaller) -> RequestedSmallWorld:
         """Have `skyway up` publish the bundled network, start fleets and request deliveries.
 
         The fleets are simulated, and everything is registered like any other fleet.

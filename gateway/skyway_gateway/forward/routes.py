@@ -3,9 +3,9 @@
 import json
 from collections.abc import Awaitable, Callable, Coroutine
 from http import HTTPStatus
-from typing import Annotated, Any, Final, Protocol
+from typing import Any, Final, Protocol
 
-from fastapi import Depends, Request, Response
+from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
 from skyway.ids import ProviderId
@@ -23,7 +23,7 @@ from skyway.runtime.limits import FairQueue
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.api_key import NewKey
 from skyway_gateway.access.keys import Keys
-from skyway_gateway.access.routes import KeyGate, holder_of
+from skyway_gateway.access.routes import KeyCaller, holder_of
 from skyway_gateway.forward.cell_routes import ForwardToCells, whole_body
 from skyway_gateway.forward.document import most_body_bytes, stored_document
 from skyway_gateway.forward.table import (
@@ -53,7 +53,6 @@ class Changes(Protocol):
 
 def forward_routes(
     *,
-    gate: KeyGate,
     registry: ServiceClient,
     to_cells: ForwardToCells,
     changes: Changes,
@@ -79,7 +78,7 @@ def forward_routes(
         takes = takes_bytes(_body_limit(most_body_bytes(row, document), tenant_limit))
         router.add_api_route(
             row.path,
-            takes(_handler(row, gate, pass_on, changes, meters, planning, reporting)),
+            takes(_handler(row, pass_on, changes, meters, planning, reporting)),
             methods=[row.method],
             response_class=StreamingResponse,
             # The whole document takes its operation from the service's own.
@@ -94,7 +93,6 @@ def _body_limit(most_bytes: int, tenant_limit: TenantLimit) -> BodyLimit:
 
 def _handler(
     row: Forwarded,
-    gate: KeyGate,
     send: PassOn,
     changes: Changes,
     meters: Meters,
@@ -108,7 +106,7 @@ def _handler(
             changes.note_change()
         return answer
 
-    async def for_caller(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Response:
+    async def for_caller(request: Request, caller: KeyCaller) -> Response:
         caller.must_be(*row.roles)
         _refuse_foreign(caller, request)
         queue = reporting if row.is_report else None
@@ -130,7 +128,7 @@ def _handler(
 
 
 def provider_routes(
-    *, db: Database, gate: KeyGate, registry: ServiceClient, keys: Keys, clock: FleetClock
+    *, db: Database, registry: ServiceClient, keys: Keys, clock: FleetClock
 ) -> ServiceRouter:
     """POST /v1/providers: forwarded, then `access` adds the provider's key."""
     # The whole document takes the operation from the registry's own.
@@ -140,7 +138,7 @@ def provider_routes(
     @takes_bytes(most_body_bytes(PROVIDER_CREATION, stored_document()))
     async def create_provider(
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Register a provider; the answer also holds `key_id` and `key`, shown only here."""

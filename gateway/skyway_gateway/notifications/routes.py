@@ -6,21 +6,20 @@ The calls that customers' webhooks receive are here for the OpenAPI document. No
 
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Body, Depends, Header, Query, Request, Response
+from fastapi import APIRouter, Body, Header, Query, Request, Response
 
 from skyway.contracts.delivery_event_examples import delivery_event_examples
 from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
 from skyway.ids import SubjectId, WebhookId
 from skyway.runtime.clock import AnchoredClock, FleetClock
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
-from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter, operation_id
 from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.limits import Slots
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
-from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.notifications import webhook_store
 from skyway_gateway.notifications.fleet_time import FleetTime, fleet_time
 from skyway_gateway.notifications.post_webhook import Targets
@@ -65,12 +64,12 @@ _Signature = Annotated[
 ]
 
 
-def clock_routes(*, gate: KeyGate, anchor: AnchoredClock) -> ServiceRouter:
+def clock_routes(*, anchor: AnchoredClock) -> ServiceRouter:
     """GET /v1/clock."""
     router = ServiceRouter(tags=("clock",))
 
     @router.get("/v1/clock")
-    async def get_clock(_caller: Annotated[Caller, Depends(gate)]) -> FleetTime:
+    async def get_clock(_caller: KeyCaller) -> FleetTime:
         """Show fleet time, and the anchor from which it is computed.
 
         Callers: every API key.
@@ -83,7 +82,6 @@ def clock_routes(*, gate: KeyGate, anchor: AnchoredClock) -> ServiceRouter:
 def webhook_routes(
     *,
     db: Database,
-    gate: KeyGate,
     targets: Targets,
     quota: WebhookQuota,
     trials: Slots,
@@ -103,7 +101,7 @@ def webhook_routes(
     )
     async def create_webhook(
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         requested: NewWebhook,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
@@ -136,7 +134,7 @@ def webhook_routes(
 
     @router.get("/v1/webhooks")
     async def list_webhooks(
-        caller: Annotated[Caller, Depends(gate)], query: Annotated[PageQuery, Query()]
+        caller: KeyCaller, query: Annotated[PageQuery, Query()]
     ) -> Page[Webhook]:
         """List the caller's webhooks, without their secrets.
 
@@ -148,9 +146,7 @@ def webhook_routes(
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.webhook_id,))
 
     @router.get("/v1/webhooks/{webhook_id}")
-    async def get_webhook(
-        webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)]
-    ) -> Webhook:
+    async def get_webhook(webhook_id: WebhookId, caller: KeyCaller) -> Webhook:
         """Show a webhook, without its secret.
 
         Callers: customer, operator.
@@ -162,7 +158,7 @@ def webhook_routes(
     @router.patch("/v1/webhooks/{webhook_id}")
     async def update_webhook(
         webhook_id: WebhookId,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         requested: WebhookChange,
     ) -> Webhook:
         """Change the URL or the events of a webhook, or make a disabled one active again.
@@ -182,9 +178,7 @@ def webhook_routes(
         return changed
 
     @router.delete("/v1/webhooks/{webhook_id}", status_code=204)
-    async def delete_webhook(
-        webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)]
-    ) -> Response:
+    async def delete_webhook(webhook_id: WebhookId, caller: KeyCaller) -> Response:
         """Delete a webhook and its attempts.
 
         Callers: customer.
@@ -196,9 +190,7 @@ def webhook_routes(
         return Response(status_code=204)
 
     @router.post("/v1/webhooks/{webhook_id}/test")
-    async def test_webhook(
-        webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)]
-    ) -> WebhookAttempt:
+    async def test_webhook(webhook_id: WebhookId, caller: KeyCaller) -> WebhookAttempt:
         """Send a `webhook.test` event once, now, and show how it was answered.
 
         Callers: customer.
@@ -216,7 +208,7 @@ def webhook_routes(
         responses=conflicts("WEBHOOK_DISABLED"),
     )
     async def replay_webhook(
-        webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)], requested: ReplayRequest
+        webhook_id: WebhookId, caller: KeyCaller, requested: ReplayRequest
     ) -> Replay:
         """Send past events again, with their own ids and in their order.
 
@@ -228,7 +220,7 @@ def webhook_routes(
     @router.get("/v1/webhooks/{webhook_id}/attempts")
     async def list_webhook_attempts(
         webhook_id: WebhookId,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         query: Annotated[PageQuery, Query()],
     ) -> Page[WebhookAttempt]:
         """List the attempts to notify a webhook, the newest first.

@@ -3,7 +3,7 @@
 from datetime import timedelta
 from typing import Annotated, Final
 
-from fastapi import Depends, Request, Response
+from fastapi import Request, Response
 from pydantic import Field
 
 from skyway.ids import WebhookId
@@ -11,12 +11,11 @@ from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
-from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
-from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.notifications.secret_store import (
     PreviousSecret,
     StoredSecrets,
@@ -46,9 +45,7 @@ class RotatedSecret(JsonModel):
     ]
 
 
-def secret_routes(
-    *, db: Database, gate: KeyGate, vault: SecretVault, clock: FleetClock
-) -> ServiceRouter:
+def secret_routes(*, db: Database, vault: SecretVault, clock: FleetClock) -> ServiceRouter:
     """POST /v1/webhooks/{webhook_id}/secret-rotations."""
     router = ServiceRouter(tags=("webhooks",))
 
@@ -61,7 +58,7 @@ def secret_routes(
     async def rotate_webhook_secret(
         request: Request,
         webhook_id: WebhookId,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Give a webhook a new signing secret, which is shown only in this answer.

@@ -2,15 +2,14 @@
 
 from typing import Annotated
 
-from fastapi import Depends, Response
+from fastapi import Response
 from pydantic import Field
 
 from skyway.ids import DeliveryId
 from skyway.json_model import JsonModel
-from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
-from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.tracking import link_store
 from skyway_gateway.tracking_links import TrackingLinks
@@ -28,15 +27,13 @@ class TrackingLink(JsonModel):
     ]
 
 
-def link_routes(*, db: Database, gate: KeyGate, links: TrackingLinks) -> ServiceRouter:
+def link_routes(*, db: Database, links: TrackingLinks) -> ServiceRouter:
     """GET, POST and DELETE /v1/deliveries/{delivery_id}/tracking-link."""
     router = ServiceRouter(tags=("deliveries",))
     path = "/v1/deliveries/{delivery_id}/tracking-link"
 
     @router.get(path)
-    async def get_tracking_link(
-        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
-    ) -> TrackingLink:
+    async def get_tracking_link(delivery_id: DeliveryId, caller: KeyCaller) -> TrackingLink:
         """Show the link to a delivery's tracking page.
 
         Callers: customer, operator.
@@ -50,9 +47,7 @@ def link_routes(*, db: Database, gate: KeyGate, links: TrackingLinks) -> Service
         return _link(delivery_id, link.number)
 
     @router.post(path, status_code=201)
-    async def renew_tracking_link(
-        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
-    ) -> TrackingLink:
+    async def renew_tracking_link(delivery_id: DeliveryId, caller: KeyCaller) -> TrackingLink:
         """Make another link to a delivery's tracking page; the earlier link ends.
 
         Callers: customer, operator.
@@ -64,9 +59,7 @@ def link_routes(*, db: Database, gate: KeyGate, links: TrackingLinks) -> Service
         return _link(delivery_id, number)
 
     @router.delete(path, status_code=204)
-    async def withdraw_tracking_link(
-        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
-    ) -> Response:
+    async def withdraw_tracking_link(delivery_id: DeliveryId, caller: KeyCaller) -> Response:
         """End the link to a delivery's tracking page.
 
         Callers: customer, operator.
