@@ -25,10 +25,8 @@ from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
 from skyway_gateway.access.audit_trail import AuditTrail
-from skyway_gateway.access.limit_routes import limit_routes
-from skyway_gateway.access.routes import audit_routes, key_routes
-from skyway_gateway.access.session_link_routes import session_link_routes
-from skyway_gateway.access.session_routes import session_routes
+from skyway_gateway.access.routes import audit_routes, key_routes, limit_routes
+from skyway_gateway.access.session_routes import session_link_routes, session_routes
 from skyway_gateway.access.usage import ViewUsage
 from skyway_gateway.build_parts import running_parts
 from skyway_gateway.console.page_routes import console_routes
@@ -53,18 +51,17 @@ from skyway_gateway.notifications.delivery_events import EventStream
 from skyway_gateway.notifications.fleet_time import publish_clock
 from skyway_gateway.notifications.routes import (
     clock_routes,
+    secret_routes,
     webhook_calls,
     webhook_routes,
     with_event_examples,
 )
 from skyway_gateway.notifications.seal_secrets import seal_secrets
-from skyway_gateway.notifications.secret_routes import secret_routes
 from skyway_gateway.parts import SERVICE, Parts
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.quotes.store import read_networks
 from skyway_gateway.settings import GatewaySettings
-from skyway_gateway.tracking.link_routes import link_routes
-from skyway_gateway.tracking.page_routes import page_routes
+from skyway_gateway.tracking.routes import link_routes, page_routes
 from skyway_gateway.work import start_work
 
 PACKAGE: Final = "skyway_gateway"

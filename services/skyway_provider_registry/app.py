@@ -31,19 +31,24 @@ from skyway_provider_registry.enrolment.routes import (
     drone_signature_routes,
     enrolment_routes,
 )
-from skyway_provider_registry.enrolment.stored_keys import StoredKeys
-from skyway_provider_registry.fleets.all_drones_routes import all_drones_routes
+from skyway_provider_registry.enrolment.signing_store import StoredKeys
+from skyway_provider_registry.fleets.all_drones_routes import (
+    all_drones_routes,
+    live_routes,
+    quota_routes,
+)
 from skyway_provider_registry.fleets.announce_renewals import CompositionNotice, RenewalAnnouncer
-from skyway_provider_registry.fleets.battery_routes import battery_routes, installation_routes
 from skyway_provider_registry.fleets.credential_routes import credential_routes
 from skyway_provider_registry.fleets.drone_model_routes import drone_model_routes
-from skyway_provider_registry.fleets.live_routes import live_routes
-from skyway_provider_registry.fleets.maintenance_routes import maintenance_routes
-from skyway_provider_registry.fleets.quota_routes import quota_routes
 from skyway_provider_registry.fleets.routes import (
     fleet_routes,
     fleet_statistics_routes,
     registration_routes,
+)
+from skyway_provider_registry.fleets.upkeep_routes import (
+    battery_routes,
+    installation_routes,
+    maintenance_routes,
 )
 from skyway_provider_registry.gauges import RegistryGauges
 from skyway_provider_registry.parts import SERVICE, Parts, parts_in_life

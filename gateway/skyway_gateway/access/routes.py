@@ -1,5 +1,6 @@
-"""API keys and the audit log over HTTP: who the caller is, and operators' routes."""
+"""Keys, limits and the audit log over HTTP: who the caller is, and operators' routes."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 from fastapi import Depends, Query, Request, Response
@@ -9,6 +10,7 @@ from skyway.ids import KeyId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Unauthenticated
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
+from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.identity import Caller, KeyHolder
 from skyway.runtime.http.paging import Page, page_of
 from skyway.runtime.http.service_router import ServiceRouter
@@ -19,6 +21,7 @@ from skyway_gateway.access.audit_store import AuditEntry, AuditQuery
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.scopes import require_scope
 from skyway_gateway.access.store import KeyListQuery
+from skyway_gateway.access.usage import Limits, UsageBudget, UsageCounter
 
 _bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a drone's: dk_...")
 
@@ -168,5 +171,22 @@ def audit_routes(*, db: Database) -> ServiceRouter:
         async with db.survey() as connection:
             found = await audit_store.page(connection, query)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.entry_id,))
+
+    return router
+
+
+def limit_routes(*, meters: Meters, counters: Sequence[UsageCounter]) -> ServiceRouter:
+    """GET /v1/limits."""
+    router = ServiceRouter(tags=("limits",))
+
+    @router.get("/v1/limits")
+    async def show_limits(caller: KeyCaller) -> Limits:
+        """Show what the caller may use, and what is left of it.
+
+        Callers: every API key.
+        """
+        budgets = [UsageBudget.of(meter.read(str(caller))) for meter in meters.of(caller)]
+        quotas = [quota for each in counters for quota in await each.usage(caller)]
+        return Limits(budgets=tuple(budgets), quotas=tuple(quotas))
 
     return router

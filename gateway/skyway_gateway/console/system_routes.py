@@ -2,6 +2,8 @@
 
 import asyncio
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from skyway.contracts.figures import (
@@ -10,9 +12,10 @@ from skyway.contracts.figures import (
     NotCounted,
     RequestedSmallWorld,
     ServiceHealth,
+    SmallWorldState,
     SystemHealth,
 )
-from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
+from skyway.runtime.errors import Conflict, RemoteProblem, ServiceUnavailable
 from skyway.runtime.http.answers import conflicts
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.metrics_routes import figures_of
@@ -21,7 +24,33 @@ from skyway.runtime.metrics import Gauges
 from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.engines import Dialect
 from skyway_gateway.access.routes import KeyCaller
-from skyway_gateway.console.small_world import SmallWorld
+
+
+@dataclass(frozen=True, slots=True)
+class SmallWorld:
+    """A file that `skyway up` waits for; None where the gateway was started in another way."""
+
+    request_file: Path | None
+
+    @property
+    def state(self) -> SmallWorldState:
+        """Whether there can be one, and whether somebody has asked for it."""
+        if self.request_file is None:
+            return "UNAVAILABLE"
+        return "REQUESTED" if self.request_file.exists() else "AVAILABLE"
+
+    def request(self) -> None:
+        """Ask for it; a second request changes nothing.
+
+        Raises
+        ------
+        Conflict
+            NO_SMALL_WORLD: the gateway was not started by `skyway up`.
+        """
+        if self.request_file is None:
+            raise Conflict("NO_SMALL_WORLD", "only skyway up starts a small world")
+        self.request_file.touch()
+
 
 #: How long a service may take, wall seconds.
 _WITHIN_S: Final = 2.0

@@ -4,14 +4,18 @@ The calls that customers' webhooks receive are here for the OpenAPI document. No
 `send_webhooks` makes these calls.
 """
 
+from datetime import timedelta
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Body, Header, Query, Request, Response
+from pydantic import Field
 
 from skyway.contracts.delivery_event_examples import delivery_event_examples
 from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
 from skyway.ids import SubjectId, WebhookId
+from skyway.json_model import JsonModel
 from skyway.runtime.clock import AnchoredClock, FleetClock
+from skyway.runtime.errors import Conflict
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter, operation_id
@@ -19,24 +23,31 @@ from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.limits import Slots
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
+from skyway.units import moment_to_ms
 from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.notifications import webhook_store
 from skyway_gateway.notifications.fleet_time import FleetTime, fleet_time
 from skyway_gateway.notifications.post_webhook import Targets
 from skyway_gateway.notifications.replay_store import Replay, ReplayRequest, replay
+from skyway_gateway.notifications.secret_store import (
+    PreviousSecret,
+    StoredSecrets,
+    locked_secrets,
+    put_secrets,
+)
 from skyway_gateway.notifications.secret_vault import SecretVault
 from skyway_gateway.notifications.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhook import (
     IssuedWebhook,
     NewWebhook,
     TrialEvent,
+    WallTime,
     Webhook,
     WebhookAttempt,
     WebhookChange,
     new_webhook_secret,
 )
-from skyway_gateway.notifications.webhook_quota_store import WebhookQuota
-from skyway_gateway.notifications.webhook_store import attempts_page
+from skyway_gateway.notifications.webhook_store import WebhookQuota, attempts_page, webhook_of
 
 DELIVERY_EVENT: Final = "delivery-event"
 
@@ -269,5 +280,77 @@ def webhook_calls() -> APIRouter:
         event: TrialEvent,
     ) -> None:
         """The event that `POST /v1/webhooks/{webhook_id}/test` sends."""
+
+    return router
+
+
+#: How long a replaced secret still signs, wall time.
+OVERLAP: Final = timedelta(hours=24)
+
+#: The most replaced secrets that sign beside the present one: each makes the header longer.
+MOST_PREVIOUS: Final = 3
+
+
+class RotatedSecret(JsonModel):
+    """The new signing secret of a webhook, which is shown only once."""
+
+    webhook_id: Annotated[WebhookId, Field(description="The id of the webhook.")]
+    secret: Annotated[
+        str, Field(description="The signing secret (`whsec_...`); it is shown only once.")
+    ]
+    previous_until_wall_at: Annotated[
+        WallTime, Field(description="Until when the previous secret signs as well, wall time.")
+    ]
+
+
+def secret_routes(*, db: Database, vault: SecretVault, clock: FleetClock) -> ServiceRouter:
+    """POST /v1/webhooks/{webhook_id}/secret-rotations."""
+    router = ServiceRouter(tags=("webhooks",))
+
+    @router.post(
+        "/v1/webhooks/{webhook_id}/secret-rotations",
+        status_code=201,
+        response_model=RotatedSecret,
+        responses=conflicts("TOO_MANY_ROTATIONS"),
+    )
+    async def rotate_webhook_secret(
+        request: Request,
+        webhook_id: WebhookId,
+        caller: KeyCaller,
+        idempotency_key: IdempotencyKey = None,
+    ) -> Response:
+        """Give a webhook a new signing secret, which is shown only in this answer.
+
+        For 24 hours notifications carry a signature of the previous secret, too.
+
+        Callers: customer.
+        """
+        caller.must_be("customer")
+
+        async def write(tx: Tx) -> Answer:
+            await webhook_of(tx.connection, caller, webhook_id)
+            now = clock.wall_now()
+            stored, secret, until = (
+                await locked_secrets(tx, webhook_id),
+                new_webhook_secret(),
+                now + OVERLAP,
+            )
+            previous = stored.still_valid(now)
+            if len(previous) >= MOST_PREVIOUS:
+                raise Conflict(
+                    "TOO_MANY_ROTATIONS",
+                    f"{MOST_PREVIOUS} secrets of the last 24 hours still sign: use the newest one",
+                )
+            replaced = PreviousSecret(secret=stored.present, until_wall_ms=moment_to_ms(until))
+            sealed = vault.seal(secret, webhook_id)
+            after = StoredSecrets(webhook_id, sealed, (replaced, *previous))
+            await put_secrets(tx, stored, after)
+            shown = RotatedSecret(
+                webhook_id=webhook_id, secret=secret, previous_until_wall_at=until
+            )
+            return Answer(201, shown.model_dump_json().encode())
+
+        call = await keyed_call(request, caller, idempotency_key)
+        return response_of(await once(db, call, act=write, clock=clock))
 
     return router

@@ -29,8 +29,7 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_provider_registry.candidates.fleet_view import FleetView
-from skyway_provider_registry.candidates.network_drones import count_drones
+from skyway_provider_registry.candidates.fleet_view import FleetView, count_drones
 from skyway_provider_registry.candidates.selection import payload_limit, select_each
 from skyway_provider_registry.fleets import store as fleets
 

@@ -26,11 +26,11 @@ from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
+from skyway_provider_registry.change_store import RenewalMoment
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.credential_store import PersonKind
 from skyway_provider_registry.enrolment.password_file import PasswordFile
-from skyway_provider_registry.enrolment.stored_keys import StoredKeys
-from skyway_provider_registry.renewal_store import RenewalMoment
+from skyway_provider_registry.enrolment.signing_store import StoredKeys
 
 #: Names of Skyway's own processes, which a customer must not have.
 _RESERVED: Final = SERVICE_ACCOUNTS | {"operator"}

@@ -14,6 +14,7 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.peer_secrets import secret_hash
 from skyway.runtime.sql.database import Database, Tx
+from skyway_provider_registry.change_store import RenewalMoment
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets import store
@@ -29,7 +30,6 @@ from skyway_provider_registry.fleets.issue_credentials import (
     revoke,
     rotate,
 )
-from skyway_provider_registry.renewal_store import RenewalMoment
 
 _DRONE = "/v1/providers/{provider_id}/drones/{drone_id}"
 

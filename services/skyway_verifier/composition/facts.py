@@ -20,9 +20,9 @@ from sqlalchemy import select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.units import moment_to_ms
+from skyway_verifier.composition.calendars import guests_of_hosts, owners, shares_of
 from skyway_verifier.composition.custody import package_stories
 from skyway_verifier.composition.missions import waiting_reports
-from skyway_verifier.composition.shares import guests_of_hosts, owners, shares_of
 from skyway_verifier.facts import (
     CopyFacts,
     DeliveryFacts,

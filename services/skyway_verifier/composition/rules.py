@@ -30,17 +30,15 @@ from skyway.contracts.drone_report import Connection, DroneEvent, DroneState
 from skyway.contracts.instruction import Instruction
 from skyway.contracts.mission import Cancellation, Mission
 from skyway.delivery.request import DeliveryRequest
-from skyway_verifier.composition.calendars import CALENDARS, read_stored_stays
+from skyway_verifier.composition.calendars import CALENDARS, SHARED, read_stored_stays
 from skyway_verifier.composition.custody import CUSTODY
 from skyway_verifier.composition.links import LINKS, QUARANTINE
 from skyway_verifier.composition.missions import MISSIONS, NO_SHOWS, REPORTS
 from skyway_verifier.composition.networks import CLOSURES, NETWORKS
 from skyway_verifier.composition.pads import HOLDS, PADS
-from skyway_verifier.composition.shares import SHARED
 from skyway_verifier.composition.steps import STEPS
 from skyway_verifier.rule import Rule
-from skyway_verifier.storage_rules import outbox_rules, storage_rules
-from skyway_verifier.stored_forms import form_rule
+from skyway_verifier.storage_rules import form_rule, outbox_rules, storage_rules
 
 _FORMS: Final = form_rule(
     {

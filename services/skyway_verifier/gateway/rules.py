@@ -37,11 +37,13 @@ from skyway_verifier.gateway.events import EVENTS, NOTIFICATIONS
 from skyway_verifier.gateway.packages import PACKAGES
 from skyway_verifier.rule import Rule
 from skyway_verifier.storage_rules import (
+    form_rule,
     outbox_rules,
+    read_fernet_token,
+    read_sha256,
     replica_rule,
     storage_rules,
 )
-from skyway_verifier.stored_forms import form_rule, read_fernet_token, read_sha256
 
 _POSITION: Final = TypeAdapter(Position).validate_json
 _REASONS: Final = TypeAdapter(tuple[ProviderReason, ...]).validate_json

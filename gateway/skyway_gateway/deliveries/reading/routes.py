@@ -24,28 +24,29 @@ from skyway_gateway.deliveries.lifecycle.customer_forms import shown_to
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
 )
-from skyway_gateway.deliveries.reading import read_store, statistics_store
-from skyway_gateway.deliveries.reading.promises import PromiseStatistics, promises_of
-from skyway_gateway.deliveries.reading.read_store import DeliveryListQuery
+from skyway_gateway.deliveries.reading import read_store
+from skyway_gateway.deliveries.reading.read_store import Counted, DeliveryListQuery
 from skyway_gateway.deliveries.reading.statistics import (
     DeliveryQuery,
     DeliveryStatistics,
+    PromiseStatistics,
+    promises_of,
     statistics,
 )
-from skyway_gateway.deliveries.reading.statistics_store import Counted
-from skyway_gateway.deliveries.reading.tracking import FeatureCollection, feature_collection
 from skyway_gateway.deliveries.reading.views import (
     DeliveryPlan,
     DeliveryProof,
     Earnings,
     EarningsQuery,
+    FeatureCollection,
     ProviderDelivery,
     earnings_of,
+    feature_collection,
     for_provider,
     proof_of,
 )
 from skyway_gateway.deliveries.records import delivery_store
-from skyway_gateway.lateness.promise import host_delay_ms
+from skyway_gateway.lateness.lateness_forecast import host_delay_ms
 from skyway_gateway.lateness.store import kept_promises
 from skyway_gateway.notifications.delivery_events import EventStream
 
@@ -233,10 +234,10 @@ def statistics_routes(*, db: Database, clock: FleetClock, reporting: FairQueue) 
             host_delay_ms=host_delay_ms(clock),
         )
         async with reporting.turn(str(caller)), db.survey() as connection:
-            found = await statistics_store.sums(connection, counted)
+            found = await read_store.sums(connection, counted)
             waiting = None
             if provider_id is None:
-                waiting = await statistics_store.waiting(connection, now_ms=moment_to_ms(now))
+                waiting = await read_store.waiting(connection, now_ms=moment_to_ms(now))
         return statistics(found, query, span=span, provider_id=provider_id, waiting=waiting)
 
     @router.get("/v1/stats/promises")
