@@ -4,7 +4,6 @@ A session is opened with a key or a code, and shown and ended by its cookie.
 """
 
 import secrets
-from datetime import timedelta
 from typing import Annotated, Final
 
 from fastapi import Depends, Request, Response
@@ -31,9 +30,6 @@ from skyway_gateway.access.api_key import KeyRole
 from skyway_gateway.access.login_codes import LoginCodes
 from skyway_gateway.access.recognise import CachedKeys
 from skyway_gateway.access.routes import KeyCaller, admitted, caller_with_key, holder_of
-
-#: How long a session lasts, wall time.
-SESSION_LASTS: Final = timedelta(hours=12)
 
 _SECRET_BYTES: Final = 32
 
@@ -121,9 +117,9 @@ def session_routes(
                 secret_hash(secret),
                 KeyId(holder_of(request).key_id),
                 at=clock.wall_now(),
-                lasts=SESSION_LASTS,
+                lasts=session_store.SESSION_LASTS,
             )
-        lasts_s = int(SESSION_LASTS.total_seconds())
+        lasts_s = int(session_store.SESSION_LASTS.total_seconds())
         set_session(response, request, secret, lasts_s=lasts_s)
         return _session(request)
 

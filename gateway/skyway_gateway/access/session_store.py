@@ -14,6 +14,9 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.store import StoredKey, shown_by_id
 from skyway_gateway.tables import session_links, sessions
 
+#: How long a session lasts, wall time.
+SESSION_LASTS: Final = timedelta(hours=12)
+
 #: The sessions of one key; another one ends the oldest.
 MOST_PER_KEY: Final = 50
 
