@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from skyway.runtime.garbage import load_without_collecting
 
 if TYPE_CHECKING:
-    from skyway.runtime.archive.archived_table import ArchivedTable
+    from skyway.runtime.archive import ArchivedTable
 
 
 def main() -> int:

@@ -18,7 +18,7 @@ from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.settings import ArchiveSettings, DatabaseSettings, ServiceSettings
 
 if TYPE_CHECKING:
-    from skyway.runtime.archive.archived_table import ArchivedTable
+    from skyway.runtime.archive import ArchivedTable
 
 S = TypeVar("S", bound=ServiceSettings)
 
@@ -76,7 +76,7 @@ class ServiceProcess(Generic[S]):
         return 0
 
     async def _archive(self, folder: Path) -> int:
-        from skyway.runtime.archive.export import Export
+        from skyway.runtime.archive import Export
         from skyway.runtime.clock import load_clock
         from skyway.runtime.sql.database import Database
 
