@@ -31,6 +31,7 @@ from skyway_gateway.access.usage import ViewUsage
 from skyway_gateway.build_parts import running_parts
 from skyway_gateway.console.page_routes import console_routes
 from skyway_gateway.console.system_routes import system_routes
+from skyway_gateway.context import Context
 from skyway_gateway.deliveries.booking.queue_store import free_claims
 from skyway_gateway.deliveries.reading.routes import (
     earnings_routes,
@@ -70,6 +71,7 @@ PACKAGE: Final = "skyway_gateway"
 def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
     """The app with the routes of all rooms; the lifespan opens the parts."""
     db, clock, keys = parts.db, parts.clock, parts.keys
+    context = Context(db, clock, mint)
     return create_app(
         service=SERVICE,
         title="Skyway",
@@ -81,16 +83,16 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         routers=[
             delivery_routes(acceptance=parts.acceptance, canceller=parts.canceller),
             report_routes(gate=parts.services, applier=parts.applier),
-            quote_routes(db=db, maker=parts.quote_maker),
+            quote_routes(context, maker=parts.quote_maker),
             reading_routes(
-                db=db,
+                context,
                 composition=parts.composition,
                 stream=EventStream(db, parts.listeners),
                 slots=parts.streams,
             ),
-            earnings_routes(db=db, reporting=parts.reporting),
+            earnings_routes(context, reporting=parts.reporting),
             live_routes(feed=parts.live, slots=parts.streams, meters=parts.meters),
-            link_routes(db=db, links=parts.links),
+            link_routes(context, links=parts.links),
             page_routes(
                 pages=parts.pages,
                 feed=parts.live,
@@ -98,28 +100,21 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 meters=parts.meters,
             ),
             webhook_routes(
-                db=db,
+                context,
                 targets=parts.targets,
                 quota=parts.webhook_quota,
                 trials=parts.trials,
                 vault=parts.vault,
                 sender=parts.sender,
-                clock=clock,
-                mint=mint,
             ),
-            secret_routes(db=db, vault=parts.vault, clock=clock),
-            session_routes(
-                db=db,
-                clock=clock,
-                cached=parts.cached_sessions,
-                codes=parts.login_codes,
-            ),
-            session_link_routes(db=db, codes=parts.login_codes),
-            key_routes(db=db, keys=keys, clock=clock),
+            secret_routes(context, vault=parts.vault),
+            session_routes(context, cached=parts.cached_sessions, codes=parts.login_codes),
+            session_link_routes(context, codes=parts.login_codes),
+            key_routes(context, keys=keys),
             clock_routes(anchor=parts.anchor),
-            provider_routes(db=db, registry=parts.clients["registry"], keys=keys, clock=clock),
-            statistics_routes(db=db, clock=clock, reporting=parts.reporting),
-            audit_routes(db=db),
+            provider_routes(context, registry=parts.clients["registry"], keys=keys),
+            statistics_routes(context, reporting=parts.reporting),
+            audit_routes(context),
             limit_routes(
                 meters=parts.meters,
                 counters=(
@@ -143,10 +138,10 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
             console_routes(base_map=parts.base_map),
             system_routes(
+                context,
                 clients=parts.all_clients,
                 gauges=parts.gauges,
                 small_world=parts.small_world,
-                db=db,
             ),
         ],
         lifespan=lifespan,

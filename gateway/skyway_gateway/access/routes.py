@@ -7,14 +7,12 @@ from fastapi import Depends, Query, Request, Response
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from skyway.ids import KeyId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Unauthenticated
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
 from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.identity import Caller, KeyHolder
 from skyway.runtime.http.paging import Page, page_of
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.sql.database import Database
 from skyway_gateway.access import audit_store, store
 from skyway_gateway.access.api_key import ApiKey, IssuedKey, NewKey
 from skyway_gateway.access.audit_store import AuditEntry, AuditQuery
@@ -22,6 +20,7 @@ from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.scopes import require_scope
 from skyway_gateway.access.store import KeyListQuery
 from skyway_gateway.access.usage import Limits, UsageBudget, UsageCounter
+from skyway_gateway.context import Context
 
 _bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a drone's: dk_...")
 
@@ -76,7 +75,7 @@ def holder_of(request: Request) -> KeyHolder:
     return holder
 
 
-def key_routes(*, db: Database, keys: Keys, clock: FleetClock) -> ServiceRouter:
+def key_routes(context: Context, *, keys: Keys) -> ServiceRouter:
     """POST, GET and DELETE /v1/keys, for operators; POST /v1/keys/rotations, for each holder."""
     router = ServiceRouter(tags=("keys",))
 
@@ -128,8 +127,8 @@ def key_routes(*, db: Database, keys: Keys, clock: FleetClock) -> ServiceRouter:
         Callers: operator.
         """
         caller.must_be("operator")
-        async with db.read() as connection:
-            found = await store.page(connection, query, at=clock.wall_now())
+        async with context.db.read() as connection:
+            found = await store.page(connection, query, at=context.clock.wall_now())
         return page_of(found, query, item=lambda key: key, sort_key=lambda key: (key.key_id,))
 
     @router.get("/v1/keys/{key_id}")
@@ -139,8 +138,8 @@ def key_routes(*, db: Database, keys: Keys, clock: FleetClock) -> ServiceRouter:
         Callers: operator.
         """
         caller.must_be("operator")
-        async with db.read() as connection:
-            return await store.one(connection, key_id, at=clock.wall_now())
+        async with context.db.read() as connection:
+            return await store.one(connection, key_id, at=context.clock.wall_now())
 
     @router.delete("/v1/keys/{key_id}", status_code=204)
     async def delete_key(key_id: KeyId, caller: KeyCaller) -> Response:
@@ -155,7 +154,7 @@ def key_routes(*, db: Database, keys: Keys, clock: FleetClock) -> ServiceRouter:
     return router
 
 
-def audit_routes(*, db: Database) -> ServiceRouter:
+def audit_routes(context: Context) -> ServiceRouter:
     """GET /v1/audit."""
     router = ServiceRouter(tags=("audit",))
 
@@ -168,7 +167,7 @@ def audit_routes(*, db: Database) -> ServiceRouter:
         Callers: operator.
         """
         caller.must_be("operator")
-        async with db.survey() as connection:
+        async with context.db.survey() as connection:
             found = await audit_store.page(connection, query)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.entry_id,))
 

@@ -12,7 +12,6 @@ from pydantic import Field
 from skyway.contracts.message import WallMoment
 from skyway.ids import KeyId, SubjectId
 from skyway.json_model import JsonModel
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound, Unauthenticated
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
@@ -24,12 +23,12 @@ from skyway.runtime.http.session_cookie import (
     set_session,
 )
 from skyway.runtime.peer_secrets import secret_hash
-from skyway.runtime.sql.database import Database
 from skyway_gateway.access import session_store
 from skyway_gateway.access.api_key import KeyRole
 from skyway_gateway.access.login_codes import LoginCodes
 from skyway_gateway.access.recognise import CachedKeys
 from skyway_gateway.access.routes import KeyCaller, admitted, caller_with_key, holder_of
+from skyway_gateway.context import Context
 
 _SECRET_BYTES: Final = 32
 
@@ -66,13 +65,7 @@ class Session(JsonModel):
     ]
 
 
-def session_routes(
-    *,
-    db: Database,
-    clock: FleetClock,
-    cached: CachedKeys,
-    codes: LoginCodes,
-) -> ServiceRouter:
+def session_routes(context: Context, *, cached: CachedKeys, codes: LoginCodes) -> ServiceRouter:
     """POST /v1/sessions, and GET and DELETE /v1/sessions/current."""
     router = ServiceRouter(tags=("keys",))
 
@@ -109,14 +102,14 @@ def session_routes(
             caller = await recognise_code(request, code)
         caller.must_be("customer", "provider", "operator")
         secret = SESSION_PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             if code is not None and not await codes.use(tx, code):
                 raise Unauthenticated(_LINK_IS_OVER)
             await session_store.add(
                 tx,
                 secret_hash(secret),
                 KeyId(holder_of(request).key_id),
-                at=clock.wall_now(),
+                at=context.clock.wall_now(),
                 lasts=session_store.SESSION_LASTS,
             )
         lasts_s = int(session_store.SESSION_LASTS.total_seconds())
@@ -142,7 +135,7 @@ def session_routes(
         secret = session_in(request)
         if secret is None:
             raise NotFound("session", "current")
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             await session_store.end(tx, secret_hash(secret))
             tx.after_commit(cached.forget)
         response = Response(status_code=204)
@@ -180,7 +173,7 @@ class SessionLink(JsonModel):
     ]
 
 
-def session_link_routes(*, db: Database, codes: LoginCodes) -> ServiceRouter:
+def session_link_routes(context: Context, *, codes: LoginCodes) -> ServiceRouter:
     """POST /v1/session-links."""
     router = ServiceRouter(tags=("keys",))
 
@@ -193,7 +186,7 @@ def session_link_routes(*, db: Database, codes: LoginCodes) -> ServiceRouter:
         Callers: customer, provider, operator.
         """
         caller.must_be("customer", "provider", "operator")
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             code, expires_wall_at = await codes.make(tx, KeyId(holder_of(request).key_id))
         return SessionLink(url=codes.url_of(code), expires_wall_at=expires_wall_at)
 

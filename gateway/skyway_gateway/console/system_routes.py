@@ -21,9 +21,9 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.metrics_routes import figures_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.metrics import Gauges
-from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.engines import Dialect
 from skyway_gateway.access.routes import KeyCaller
+from skyway_gateway.context import Context
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,11 +62,11 @@ _NOT_COUNTED: Final[Mapping[Dialect, tuple[NotCounted, ...]]] = {
 
 
 def system_routes(
+    context: Context,
     *,
     clients: Callable[[], Mapping[str, ServiceClient]],
     gauges: Gauges,
     small_world: SmallWorld,
-    db: Database,
 ) -> ServiceRouter:
     """GET /v1/system and POST /v1/small-world."""
     router = ServiceRouter(tags=("service",))
@@ -86,7 +86,7 @@ def system_routes(
         others = await asyncio.gather(*(_health(name, client) for name, client in asked))
         return SystemHealth(
             services=(_answering("gateway", own), *others),
-            not_counted=_NOT_COUNTED[db.dialect],
+            not_counted=_NOT_COUNTED[context.db.dialect],
             small_world=small_world.state,
         )
 

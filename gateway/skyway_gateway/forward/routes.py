@@ -9,7 +9,6 @@ from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
 from skyway.ids import ProviderId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.answers import IdempotencyKey, keyed_call, response_of
 from skyway.runtime.http.body_bounds import BodyLimit
@@ -20,10 +19,11 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter, takes_bytes
 from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.limits import FairQueue
-from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.database import Tx
 from skyway_gateway.access.api_key import NewKey
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.routes import KeyCaller, holder_of
+from skyway_gateway.context import Context
 from skyway_gateway.forward.cell_routes import ForwardToCells, whole_body
 from skyway_gateway.forward.document import most_body_bytes, stored_document
 from skyway_gateway.forward.table import (
@@ -127,9 +127,7 @@ def _handler(
     return for_caller if row.roles else for_anybody
 
 
-def provider_routes(
-    *, db: Database, registry: ServiceClient, keys: Keys, clock: FleetClock
-) -> ServiceRouter:
+def provider_routes(context: Context, *, registry: ServiceClient, keys: Keys) -> ServiceRouter:
     """POST /v1/providers: forwarded, then `access` adds the provider's key."""
     # The whole document takes the operation from the registry's own.
     router = ServiceRouter(include_in_schema=False)
@@ -160,7 +158,7 @@ def provider_routes(
             return Answer(201, json.dumps(answer).encode(), location)
 
         # The registry answers the same call the same; so does this, with the same key.
-        return response_of(await once(db, call, act=add_key, clock=clock))
+        return response_of(await once(context.db, call, act=add_key, clock=context.clock))
 
     return router
 

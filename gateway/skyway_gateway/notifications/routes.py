@@ -14,17 +14,17 @@ from skyway.contracts.delivery_event_examples import delivery_event_examples
 from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
 from skyway.ids import SubjectId, WebhookId
 from skyway.json_model import JsonModel
-from skyway.runtime.clock import AnchoredClock, FleetClock
+from skyway.runtime.clock import AnchoredClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter, operation_id
 from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.limits import Slots
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_gateway.access.routes import KeyCaller
+from skyway_gateway.context import Context
 from skyway_gateway.notifications import webhook_store
 from skyway_gateway.notifications.fleet_time import FleetTime, fleet_time
 from skyway_gateway.notifications.post_webhook import Targets
@@ -91,15 +91,13 @@ def clock_routes(*, anchor: AnchoredClock) -> ServiceRouter:
 
 
 def webhook_routes(
+    context: Context,
     *,
-    db: Database,
     targets: Targets,
     quota: WebhookQuota,
     trials: Slots,
     vault: SecretVault,
     sender: WebhookSender,
-    clock: FleetClock,
-    mint: Mint,
 ) -> ServiceRouter:
     """/v1/webhooks: POST, GET, PATCH, DELETE, and `/test`, `/attempts`, `/replay` of each."""
     router = ServiceRouter(tags=("webhooks",))
@@ -123,12 +121,12 @@ def webhook_routes(
         caller.must_be("customer")
         await targets.check(requested.url, SubjectId(caller.subject_id))
         webhook = IssuedWebhook(
-            webhook_id=WebhookId(mint("whk")),
+            webhook_id=WebhookId(context.mint("whk")),
             url=requested.url,
             event_types=requested.event_types,
             state="ACTIVE",
             disabled_reason=None,
-            created_wall_at=clock.wall_now(),
+            created_wall_at=context.clock.wall_now(),
             secret=new_webhook_secret(),
         )
 
@@ -141,7 +139,7 @@ def webhook_routes(
             return Answer(201, webhook.model_dump_json().encode(), location)
 
         call = await keyed_call(request, caller, idempotency_key)
-        return response_of(await once(db, call, act=keep, clock=clock))
+        return response_of(await once(context.db, call, act=keep, clock=context.clock))
 
     @router.get("/v1/webhooks")
     async def list_webhooks(
@@ -152,7 +150,7 @@ def webhook_routes(
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             found = await webhook_store.webhooks_page(connection, caller, query)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.webhook_id,))
 
@@ -163,7 +161,7 @@ def webhook_routes(
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             return await webhook_store.webhook_of(connection, caller, webhook_id)
 
     @router.patch("/v1/webhooks/{webhook_id}")
@@ -179,13 +177,13 @@ def webhook_routes(
         caller.must_be("customer")
         if requested.url is not None:
             await targets.check(requested.url, SubjectId(caller.subject_id))
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             webhook = await webhook_store.webhook_of(tx.connection, caller, webhook_id)
             changed = webhook.merged(requested)
             if requested.state is not None:
                 by_customer = "by its customer" if requested.state == "DISABLED" else None
                 changed = changed.model_copy(update={"disabled_reason": by_customer})
-            await webhook_store.change_webhook(tx, changed, at=clock.wall_now())
+            await webhook_store.change_webhook(tx, changed, at=context.clock.wall_now())
         return changed
 
     @router.delete("/v1/webhooks/{webhook_id}", status_code=204)
@@ -195,7 +193,7 @@ def webhook_routes(
         Callers: customer.
         """
         caller.must_be("customer")
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             await webhook_store.webhook_of(tx.connection, caller, webhook_id)
             await webhook_store.delete_webhook(tx, webhook_id)
         return Response(status_code=204)
@@ -207,8 +205,8 @@ def webhook_routes(
         Callers: customer.
         """
         caller.must_be("customer")
-        async with db.read() as connection:
-            now = clock.wall_now()
+        async with context.db.read() as connection:
+            now = context.clock.wall_now()
             endpoint = await webhook_store.endpoint_of(connection, caller, webhook_id, at=now)
         with trials.held(str(caller)):
             return await sender.send_trial(endpoint)
@@ -226,7 +224,9 @@ def webhook_routes(
         Callers: customer.
         """
         caller.must_be("customer")
-        return await replay(db, caller, webhook_id, requested, clock=clock, wake=sender.wake)
+        return await replay(
+            context.db, caller, webhook_id, requested, clock=context.clock, wake=sender.wake
+        )
 
     @router.get("/v1/webhooks/{webhook_id}/attempts")
     async def list_webhook_attempts(
@@ -239,7 +239,7 @@ def webhook_routes(
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             await webhook_store.webhook_of(connection, caller, webhook_id)
             found = await attempts_page(connection, webhook_id, query)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.attempt_id,))
@@ -303,7 +303,7 @@ class RotatedSecret(JsonModel):
     ]
 
 
-def secret_routes(*, db: Database, vault: SecretVault, clock: FleetClock) -> ServiceRouter:
+def secret_routes(context: Context, *, vault: SecretVault) -> ServiceRouter:
     """POST /v1/webhooks/{webhook_id}/secret-rotations."""
     router = ServiceRouter(tags=("webhooks",))
 
@@ -329,7 +329,7 @@ def secret_routes(*, db: Database, vault: SecretVault, clock: FleetClock) -> Ser
 
         async def write(tx: Tx) -> Answer:
             await webhook_of(tx.connection, caller, webhook_id)
-            now = clock.wall_now()
+            now = context.clock.wall_now()
             stored, secret, until = (
                 await locked_secrets(tx, webhook_id),
                 new_webhook_secret(),
@@ -351,6 +351,6 @@ def secret_routes(*, db: Database, vault: SecretVault, clock: FleetClock) -> Ser
             return Answer(201, shown.model_dump_json().encode())
 
         call = await keyed_call(request, caller, idempotency_key)
-        return response_of(await once(db, call, act=write, clock=clock))
+        return response_of(await once(context.db, call, act=write, clock=context.clock))
 
     return router

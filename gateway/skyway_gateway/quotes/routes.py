@@ -5,14 +5,14 @@ from fastapi import Request, Response
 from skyway.ids import QuoteId
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyCaller
+from skyway_gateway.context import Context
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.make_quote import QuoteMaker, QuoteRequest
 from skyway_gateway.quotes.store import Quote
 
 
-def quote_routes(*, db: Database, maker: QuoteMaker) -> ServiceRouter:
+def quote_routes(context: Context, *, maker: QuoteMaker) -> ServiceRouter:
     """POST /v1/quotes and GET /v1/quotes/{quote_id}."""
     router = ServiceRouter(tags=("quotes",))
 
@@ -43,7 +43,7 @@ def quote_routes(*, db: Database, maker: QuoteMaker) -> ServiceRouter:
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             return await store.one_of(connection, caller, quote_id)
 
     return router

@@ -18,8 +18,8 @@ from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.limits import Slots
-from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyCaller
+from skyway_gateway.context import Context
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.live.feed import LiveFeed
@@ -43,7 +43,7 @@ class TrackingLink(JsonModel):
     ]
 
 
-def link_routes(*, db: Database, links: TrackingLinks) -> ServiceRouter:
+def link_routes(context: Context, *, links: TrackingLinks) -> ServiceRouter:
     """GET, POST and DELETE /v1/deliveries/{delivery_id}/tracking-link."""
     router = ServiceRouter(tags=("deliveries",))
     path = "/v1/deliveries/{delivery_id}/tracking-link"
@@ -55,7 +55,7 @@ def link_routes(*, db: Database, links: TrackingLinks) -> ServiceRouter:
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             await delivery_store.one_of(connection, caller, delivery_id)
             link = await link_store.link_of(connection, delivery_id)
         if link.is_withdrawn:
@@ -69,7 +69,7 @@ def link_routes(*, db: Database, links: TrackingLinks) -> ServiceRouter:
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             await delivery_store.one_of(tx.connection, caller, delivery_id)
             number = await link_store.renew(tx, delivery_id)
         return _link(delivery_id, number)
@@ -81,7 +81,7 @@ def link_routes(*, db: Database, links: TrackingLinks) -> ServiceRouter:
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             await delivery_store.one_of(tx.connection, caller, delivery_id)
             await link_store.withdraw(tx, delivery_id)
         return Response(status_code=204)

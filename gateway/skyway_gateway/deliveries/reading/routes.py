@@ -8,7 +8,6 @@ from fastapi.responses import StreamingResponse
 
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, ProviderId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.answers import GeoJsonResponse
 from skyway.runtime.http.event_stream import EventStreamAnswer
@@ -20,6 +19,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.clients import Composition
+from skyway_gateway.context import Context
 from skyway_gateway.deliveries.lifecycle.customer_forms import shown_to
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
@@ -52,13 +52,13 @@ from skyway_gateway.notifications.delivery_events import EventStream
 
 
 def reading_routes(
-    *, db: Database, composition: Composition, stream: EventStream, slots: Slots
+    context: Context, *, composition: Composition, stream: EventStream, slots: Slots
 ) -> ServiceRouter:
     """GET /v1/deliveries and all below it, and /v1/providers/{provider_id}/deliveries."""
     router = ServiceRouter(tags=("deliveries",))
-    _add_lists(router, db)
-    _add_details(router, db, composition)
-    _add_events(router, db, stream, slots)
+    _add_lists(router, context.db)
+    _add_details(router, context.db, composition)
+    _add_events(router, context.db, stream, slots)
     return router
 
 
@@ -187,7 +187,7 @@ def _add_events(router: ServiceRouter, db: Database, stream: EventStream, slots:
         return EventStreamAnswer(nullcontext(frames), slots=slots, who=str(caller))
 
 
-def earnings_routes(*, db: Database, reporting: FairQueue) -> ServiceRouter:
+def earnings_routes(context: Context, *, reporting: FairQueue) -> ServiceRouter:
     """/v1/providers/{provider_id}/earnings."""
     router = ServiceRouter(tags=("deliveries",))
 
@@ -204,7 +204,7 @@ def earnings_routes(*, db: Database, reporting: FairQueue) -> ServiceRouter:
         caller.must_be("provider", "operator")
         if caller.role == "provider" and caller.subject_id != provider_id:
             raise NotFound("provider", provider_id)
-        async with reporting.turn(str(caller)), db.survey() as connection:
+        async with reporting.turn(str(caller)), context.db.survey() as connection:
             return earnings_of(
                 provider_id, await read_store.days_of(connection, provider_id, query)
             )
@@ -212,7 +212,7 @@ def earnings_routes(*, db: Database, reporting: FairQueue) -> ServiceRouter:
     return router
 
 
-def statistics_routes(*, db: Database, clock: FleetClock, reporting: FairQueue) -> ServiceRouter:
+def statistics_routes(context: Context, *, reporting: FairQueue) -> ServiceRouter:
     """GET /v1/stats/deliveries and /v1/stats/promises."""
     router = ServiceRouter(tags=("statistics",))
 
@@ -225,15 +225,15 @@ def statistics_routes(*, db: Database, clock: FleetClock, reporting: FairQueue) 
         Callers: provider, operator.
         """
         caller.must_be("provider", "operator")
-        now = clock.now()
+        now = context.clock.now()
         span, provider_id = query.span(now), _provider(caller, query.provider_id)
         counted = Counted(
             span,
             provider_id,
             query.bucket_ms(span),
-            host_delay_ms=host_delay_ms(clock),
+            host_delay_ms=host_delay_ms(context.clock),
         )
-        async with reporting.turn(str(caller)), db.survey() as connection:
+        async with reporting.turn(str(caller)), context.db.survey() as connection:
             found = await read_store.sums(connection, counted)
             waiting = None
             if provider_id is None:
@@ -249,10 +249,10 @@ def statistics_routes(*, db: Database, clock: FleetClock, reporting: FairQueue) 
         Callers: provider, operator.
         """
         caller.must_be("provider", "operator")
-        now = clock.now()
-        async with reporting.turn(str(caller)), db.survey() as connection:
+        now = context.clock.now()
+        async with reporting.turn(str(caller)), context.db.survey() as connection:
             rows = await kept_promises(
-                connection, now_ms=moment_to_ms(now), host_delay_ms=host_delay_ms(clock)
+                connection, now_ms=moment_to_ms(now), host_delay_ms=host_delay_ms(context.clock)
             )
         return PromiseStatistics(
             at=now, items=promises_of(rows, provider_id=_provider(caller, None))
