@@ -24,11 +24,11 @@ from skyway.runtime.sql.engines import Dialect
 from skyway.runtime.sql.read_only import ReadOnlyDatabase, Surveyed
 from skyway.units import moment_to_ms
 from skyway_verifier.across.rules import ACROSS
-from skyway_verifier.composition.facts import read_facts as composition_facts
 from skyway_verifier.composition.rules import RULES as COMPOSITION
+from skyway_verifier.composition.rules import read_facts as composition_facts
 from skyway_verifier.facts import Facts
-from skyway_verifier.gateway.facts import read_facts as gateway_facts
 from skyway_verifier.gateway.rules import RULES as GATEWAY
+from skyway_verifier.gateway.rules import read_facts as gateway_facts
 from skyway_verifier.registry.rules import RULES as REGISTRY
 from skyway_verifier.registry.rules import read_facts as registry_facts
 from skyway_verifier.rule import (

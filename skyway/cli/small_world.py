@@ -1,6 +1,9 @@
 """The small world of `skyway up --demo`: registers a few fleets and customers, and keeps it going.
 
 A file in the data folder keeps who lives in the small world, so a restart goes on.
+
+Its customers request a few packages to stations not far away, one delivery every few seconds, while
+some drones are idle: people who open the console find a service that works.
 """
 
 import asyncio
@@ -16,9 +19,9 @@ import httpx
 import numpy as np
 
 from skyway.broker_setup.private_file import write_private
-from skyway.cli.demo.scenario import NETWORK_ID, PROVIDERS, RegisteredFleet, register_fleet
+from skyway.cli.demo.fleets import NETWORK_ID, PROVIDERS, RegisteredFleet, register_fleet
 from skyway.cli.gateway import GatewayApi
-from skyway.cli.system.children import SIMULATES
+from skyway.cli.system.niceness import SIMULATES
 from skyway.cli.system.running_system import System
 from skyway.cli.system.secrets import keep_provider_key, read_secret
 from skyway.errors import SkywayError

@@ -63,7 +63,7 @@ class ServiceProcess(Generic[S]):
         configure_logs(self.name, settings.log_level)
         logging.getLogger().addHandler(LAST_ERRORS)
         if settings.otlp_endpoint is not None:
-            from skyway.runtime.otlp import export_spans
+            from skyway.runtime.tracing import export_spans
 
             export_spans(self.name, settings.otlp_endpoint)
         sys.setswitchinterval(_SWITCH_INTERVAL_S)

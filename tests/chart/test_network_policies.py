@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from skyway.cli.system.secrets import PEERS
+from skyway.cli.system.service_secrets import PEERS
 from tests.chart.rendered import Document, Documents, Outcomes, Pod, selects
 
 pytestmark = pytest.mark.long

@@ -120,7 +120,7 @@ class ExpiredPruning:
             async with self.db.write() as tx:
                 has_more = await quote_store.delete_expired(tx, before=now - _QUOTES_KEPT)
         async with self.db.write() as tx:
-            await session_store.delete_expired_links(tx, before=now)
+            await session_store.delete_expired(tx, before=now)
             await session_store.delete_expired_links(tx, before=now)
         return False
 

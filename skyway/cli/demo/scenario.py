@@ -6,10 +6,9 @@ while the drone is busy.
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 from skyway.cli.demo.flown import Flown
 from skyway.cli.demo.screen import DemoScreen
@@ -33,7 +32,6 @@ from skyway.contracts.drone_report import DroneEvent, DroneState, Telemetry
 from skyway.contracts.topics import EVENTS, STATE, TELEMETRY
 from skyway.errors import SkywayError
 from skyway.runtime.mqtt.client import MqttClient
-from skyway.runtime.signing.key_pair import FleetKeys
 
 #: How long the drones may take to get ready, and the delivery to end, wall seconds: about eight
 #: times the usual time, because the machine may be busy. A process that keeps dying ends the demo
@@ -271,67 +269,3 @@ async def _follow(
                 screen.notified(notification)
             return delivery
         await asyncio.sleep(0.1)  # the screen's pace
-
-
-NETWORK_ID: Final = "texas-corridor"
-
-#: The provider that has one drone.
-COURIER: Final = "Guadalupe Couriers"
-
-#: The providers: tariff in US cents, and the home stations of their drones.
-PROVIDERS: Final[tuple[dict[str, Any], ...]] = (
-    {
-        "name": "Hill Country Drones",
-        "tariff": {"currency": "USD", "base": 900, "per_km": 22, "per_recharge_minute": 2},
-        "homes": ("san-marcos", "san-marcos", "kyle", "mcqueeney", "schertz"),
-    },
-    {
-        "name": "Alamo Air Delivery",
-        "tariff": {"currency": "USD", "base": 600, "per_km": 30, "per_recharge_minute": 1},
-        "homes": ("san-marcos", "san-antonio", "mcqueeney", "seguin", "universal-city"),
-    },
-    {
-        "name": COURIER,
-        "tariff": {"currency": "USD", "base": 1500, "per_km": 40, "per_recharge_minute": 2},
-        "homes": ("new-braunfels",),
-    },
-)
-
-
-@dataclass(frozen=True, slots=True)
-class RegisteredFleet:
-    """A registered provider, its API key, and its drones with their credentials as JSON."""
-
-    provider_id: str
-    key: str
-    drones: list[dict[str, Any]]
-
-
-async def register_fleet(
-    api: GatewayApi,
-    operator_key: str,
-    provider: Mapping[str, Any],
-    *,
-    model_id: str,
-    loading: str = "AUTOMATIC",
-) -> RegisteredFleet:
-    """Register one of `PROVIDERS` and its drones; `loading` is who says that a drone is loaded.
-
-    Raises
-    ------
-    SkywayError
-        The gateway refuses it.
-    """
-    terms = {"name": provider["name"], "tariff": provider["tariff"], "loading": loading}
-    answer = await api.call("POST", "/v1/providers", key=operator_key, body=terms)
-    provider_id = answer["provider_id"]
-    word = provider["name"].split()[0]
-    own = FleetKeys(
-        [
-            {"model_id": model_id, "home_station_id": home, "name": f"{word} {number}"}
-            for number, home in enumerate(provider["homes"], start=1)
-        ]
-    )
-    path = f"/v1/providers/{provider_id}/drones"
-    registered = await api.call("POST", path, key=operator_key, body=own.bodies)
-    return RegisteredFleet(provider_id, answer["key"], own.kept(registered["items"]))

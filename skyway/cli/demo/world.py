@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Never
 
-from skyway.cli.demo.scenario import COURIER, NETWORK_ID, PROVIDERS, register_fleet
+from skyway.cli.demo.fleets import COURIER, NETWORK_ID, PROVIDERS, register_fleet
 from skyway.cli.gateway import GatewayApi
 from skyway.drone.models import PAPER_SCENARIO
 from skyway.errors import SkywayError

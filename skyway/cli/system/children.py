@@ -1,17 +1,12 @@
 """The processes of a local Skyway: their sockets, their environment and their commands."""
 
-import asyncio
 import os
-import shutil
 import socket
 import sys
-import time
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType
-from typing import Final
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
 from skyway.cli.system.retry import NotNow, until_done
@@ -198,80 +193,3 @@ def listen(host: str, port: int, *, purpose: str) -> socket.socket:
         raise NotNow(f"port {port} for {purpose} cannot be used: {error.strerror}") from error
     listener.listen(1024)
     return listener
-
-
-#: How much nicer simulated drones are than the system, in steps of nice(1): where all want the
-#: processor they get a third of the time.
-SIMULATES: Final = 5
-
-_NICEST: Final = 19
-#: Linux changes the niceness of a group at most once in this many seconds, except for root.
-_BETWEEN_GROUPS_S: Final = 0.1
-_TRIES: Final = 20
-
-
-def give_way(pid: int, *, by: int) -> None:
-    """Make a new process nicer than this one; do nothing where the system has no niceness.
-
-    This needs no privileges, and children of the process inherit it.
-    """
-    if not hasattr(os, "setpriority"):
-        return
-    niceness = min(os.getpriority(os.PRIO_PROCESS, 0) + by, _NICEST)
-    with suppress(OSError):  # it may have ended, or it may be nicer already
-        os.setpriority(os.PRIO_PROCESS, pid, niceness)
-        if os.getsid(pid) == pid:
-            _give_way_as_group(pid, niceness)
-
-
-def _give_way_as_group(pid: int, niceness: int) -> None:
-    """Make the process's session nicer too.
-
-    With autogroup on, as on most desktops, Linux first shares a processor among sessions. The
-    niceness of processes counts only within a session (sched(7)).
-    """
-    group = Path(f"/proc/{pid}/autogroup")
-    for _ in range(_TRIES if group.exists() else 0):
-        try:
-            group.write_text(str(niceness))
-        except BlockingIOError:
-            time.sleep(_BETWEEN_GROUPS_S)
-        else:
-            return
-
-
-#: A log above this size is set aside, bytes.
-LOG_BYTES: Final = 20 << 20
-#: How many logs of a process are kept beside the present one: `gateway.log.1` is the newest.
-KEPT: Final = 4
-#: Seconds of wall time between two looks.
-_EVERY_S: Final = 30.0
-
-
-def rotate(log: Path, *, most_bytes: int = LOG_BYTES) -> bool:
-    """Set a log aside if it is larger; True if it was.
-
-    The process goes on writing into the same file, which it appends to. Lines that it writes
-    between the copy and the cut are lost.
-    """
-    if log.stat().st_size <= most_bytes:
-        return False
-    for number in range(KEPT, 1, -1):
-        older = _aside(log, number - 1)
-        if older.exists():
-            older.replace(_aside(log, number))
-    shutil.copy2(log, _aside(log, 1))
-    os.truncate(log, 0)
-    return True
-
-
-async def keep_logs_small(folder: DataFolder) -> None:
-    """Look at all logs from time to time, until cancelled."""
-    while True:
-        for log in folder.logs.glob("*.log"):
-            await asyncio.to_thread(rotate, log)
-        await asyncio.sleep(_EVERY_S)
-
-
-def _aside(log: Path, number: int) -> Path:
-    return log.with_name(f"{log.name}.{number}")

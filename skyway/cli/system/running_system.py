@@ -19,12 +19,12 @@ from skyway.cli.system.children import (
     child,
     environment,
     is_nats,
-    keep_logs_small,
     replica_name,
     service_urls,
 )
 from skyway.cli.system.databases import database_urls
 from skyway.cli.system.fleet_time import anchor_clock, keep_heartbeat
+from skyway.cli.system.log_rotation import keep_logs_small
 from skyway.cli.system.readiness import until_ready
 from skyway.cli.system.retry import until_done
 from skyway.cli.system.secrets import make_secrets, write_keys_file

@@ -3,75 +3,15 @@
 import secrets
 from base64 import b64encode
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 import typer
 
-from skyway.broker_setup.nats_accounts import hash_for_nats
-from skyway.broker_setup.passwords import hash_password
 from skyway.broker_setup.private_file import write_private
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_folder
 from skyway.cli.gateway import fail
-from skyway.cli.system.children import is_nats
 from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.metrics import METRICS_KEY
-from skyway.runtime.peer_secrets import account_file, peer_file, secret_hash
-from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS
-
-#: The secrets that each service itself shows, or decrypts and signs with.
-OWN: Final = {
-    "registry": ("service_registry", "mqtt_registry", CLOUD_KEYS, METRICS_KEY),
-    "composition": ("service_composition", "mqtt_composition", "signing_composition", METRICS_KEY),
-    "gateway": (
-        "service_gateway",
-        "mqtt_gateway",
-        "signing_gateway",
-        "webhook_keys",
-        "tracking_key",
-        "operator_key",
-        "customer_key",
-        METRICS_KEY,
-    ),
-}
-
-#: The services that each service recognises when they call; it gets hashes of their secrets.
-PEERS: Final = {
-    "registry": ("gateway", "composition"),
-    "composition": ("gateway", "registry"),
-    "gateway": ("composition",),
-}
-
-#: The broker accounts of others that the registry writes into the broker's files.
-_ACCOUNTS: Final = ("gateway", "composition", "operator")
-
-#: The folder with the keys of commands, such as the example fleet.
-_COMMANDS: Final = "commands"
-
-
-def write_service_secrets(folder: DataFolder, target: Path) -> None:
-    """Write `target/registry`, `/composition`, `/gateway`, and `/commands` with keys.env."""
-    for service, names in OWN.items():
-        place = target / service
-        place.mkdir(parents=True, exist_ok=True, mode=0o700)
-        for name in names:
-            write_private(place / name, (folder.secrets / name).read_text())
-        for peer in PEERS[service]:
-            hashed = secret_hash(_secret(folder, f"service_{peer}"))
-            write_private(place / peer_file(peer), hashed + "\n")
-        passfile = folder.secrets / f"pgpass_{service}"
-        if passfile.exists():
-            write_private(place / "pgpass", passfile.read_text())
-    hash_for_broker = hash_for_nats if is_nats() else hash_password
-    for account in _ACCOUNTS:
-        hashed = hash_for_broker(_secret(folder, f"mqtt_{account}"))
-        write_private(target / "registry" / account_file(account), hashed + "\n")
-    (target / _COMMANDS).mkdir(exist_ok=True, mode=0o700)
-    write_private(target / _COMMANDS / "keys.env", folder.keys_file.read_text())
-
-
-def _secret(folder: DataFolder, name: str) -> str:
-    return (folder.secrets / name).read_text().strip()
-
 
 #: Broker accounts that exist before any drone: the services' and the operator's.
 _BROKER_ACCOUNTS = (*CLOUD_SERVICES, "operator")
@@ -221,7 +161,7 @@ def secrets_command(
 ) -> None:
     """Make the missing secrets, keys.env and Mosquitto's configuration."""
     from skyway.cli.system import broker_files
-    from skyway.cli.system.secrets import write_service_secrets
+    from skyway.cli.system.service_secrets import write_service_secrets
 
     if (postgres_host is None) != (postgres_passwords is None):
         fail("--postgres-host and --postgres-passwords go together")

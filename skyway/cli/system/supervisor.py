@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Protocol, Self
 
-from skyway.cli.system.children import give_way
+from skyway.cli.system.niceness import give_way
 from skyway.errors import SkywayError
 from skyway.runtime.clock import AnchoredClock, FleetClock, sleep_wall
 from skyway.runtime.errors import FOR_GOOD, ExitCode

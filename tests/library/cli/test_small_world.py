@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.demo.scenario import RegisteredFleet
+from skyway.cli.demo.fleets import RegisteredFleet
 from skyway.cli.gateway import read_keys
 from skyway.cli.small_world import Inhabitants
 from skyway.cli.system.secrets import keep_provider_key, make_secrets, write_keys_file

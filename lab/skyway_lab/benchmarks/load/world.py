@@ -11,7 +11,7 @@ from skyway_lab.benchmarks.load.burst import Burst
 from skyway_lab.benchmarks.load.city import Place
 
 from skyway.cli.gateway import GatewayApi
-from skyway.cli.system.children import SIMULATES
+from skyway.cli.system.niceness import SIMULATES
 from skyway.cli.system.running_system import System
 from skyway.errors import SkywayError
 from skyway.runtime.signing.key_pair import FleetKeys

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from skyway.cli.system.children import KEPT, rotate
+from skyway.cli.system.log_rotation import KEPT, rotate
 
 
 def test_a_log_above_the_limit_is_set_aside_and_its_process_goes_on(tmp_path: Path) -> None:

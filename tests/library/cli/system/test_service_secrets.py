@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from skyway.broker_setup.passwords import matches
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
 from skyway.cli.main import make_app
-from skyway.cli.system.secrets import OWN, PEERS
+from skyway.cli.system.service_secrets import OWN, PEERS
 from skyway.runtime.peer_secrets import secret_hash
 
 #: Public, or for all services on purpose.
