@@ -25,14 +25,13 @@ from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
 from skyway_gateway.access.audit_trail import AuditTrail
-from skyway_gateway.access.limit_routes import limit_routes
-from skyway_gateway.access.routes import audit_routes, key_routes
-from skyway_gateway.access.session_link_routes import session_link_routes
-from skyway_gateway.access.session_routes import session_routes
+from skyway_gateway.access.routes import audit_routes, key_routes, limit_routes
+from skyway_gateway.access.session_routes import session_link_routes, session_routes
 from skyway_gateway.access.usage import ViewUsage
 from skyway_gateway.build_parts import running_parts
 from skyway_gateway.console.page_routes import console_routes
 from skyway_gateway.console.system_routes import system_routes
+from skyway_gateway.context import Context
 from skyway_gateway.deliveries.booking.queue_store import free_claims
 from skyway_gateway.deliveries.reading.routes import (
     earnings_routes,
@@ -53,18 +52,17 @@ from skyway_gateway.notifications.delivery_events import EventStream
 from skyway_gateway.notifications.fleet_time import publish_clock
 from skyway_gateway.notifications.routes import (
     clock_routes,
+    secret_routes,
     webhook_calls,
     webhook_routes,
     with_event_examples,
 )
 from skyway_gateway.notifications.seal_secrets import seal_secrets
-from skyway_gateway.notifications.secret_routes import secret_routes
 from skyway_gateway.parts import SERVICE, Parts
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.quotes.store import read_networks
 from skyway_gateway.settings import GatewaySettings
-from skyway_gateway.tracking.link_routes import link_routes
-from skyway_gateway.tracking.page_routes import page_routes
+from skyway_gateway.tracking.routes import link_routes, page_routes
 from skyway_gateway.work import start_work
 
 PACKAGE: Final = "skyway_gateway"
@@ -72,7 +70,8 @@ PACKAGE: Final = "skyway_gateway"
 
 def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
     """The app with the routes of all rooms; the lifespan opens the parts."""
-    db, gate, clock, keys = parts.db, parts.gate, parts.clock, parts.keys
+    db, clock, keys = parts.db, parts.clock, parts.keys
+    context = Context(db, clock, mint)
     return create_app(
         service=SERVICE,
         title="Skyway",
@@ -82,19 +81,18 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         "3339 UTC, quantities are in SI units, prices in minor units of their currency.",
         # A request is compared with each route in this order: the busiest routes come first.
         routers=[
-            delivery_routes(gate=gate, acceptance=parts.acceptance, canceller=parts.canceller),
+            delivery_routes(acceptance=parts.acceptance, canceller=parts.canceller),
             report_routes(gate=parts.services, applier=parts.applier),
-            quote_routes(db=db, gate=gate, maker=parts.quote_maker),
+            quote_routes(context, maker=parts.quote_maker),
             reading_routes(
-                db=db,
-                gate=gate,
+                context,
                 composition=parts.composition,
                 stream=EventStream(db, parts.listeners),
                 slots=parts.streams,
             ),
-            earnings_routes(db=db, gate=gate, reporting=parts.reporting),
-            live_routes(gate=gate, feed=parts.live, slots=parts.streams, meters=parts.meters),
-            link_routes(db=db, gate=gate, links=parts.links),
+            earnings_routes(context, reporting=parts.reporting),
+            live_routes(feed=parts.live, slots=parts.streams, meters=parts.meters),
+            link_routes(context, links=parts.links),
             page_routes(
                 pages=parts.pages,
                 feed=parts.live,
@@ -102,34 +100,22 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 meters=parts.meters,
             ),
             webhook_routes(
-                db=db,
-                gate=gate,
+                context,
                 targets=parts.targets,
                 quota=parts.webhook_quota,
                 trials=parts.trials,
                 vault=parts.vault,
                 sender=parts.sender,
-                clock=clock,
-                mint=mint,
             ),
-            secret_routes(db=db, gate=gate, vault=parts.vault, clock=clock),
-            session_routes(
-                db=db,
-                gate=gate,
-                clock=clock,
-                cached=parts.cached_sessions,
-                codes=parts.login_codes,
-            ),
-            session_link_routes(db=db, gate=gate, codes=parts.login_codes),
-            key_routes(db=db, gate=gate, keys=keys, clock=clock),
-            clock_routes(gate=gate, anchor=parts.anchor),
-            provider_routes(
-                db=db, gate=gate, registry=parts.clients["registry"], keys=keys, clock=clock
-            ),
-            statistics_routes(db=db, gate=gate, clock=clock, reporting=parts.reporting),
-            audit_routes(db=db, gate=gate),
+            secret_routes(context, vault=parts.vault),
+            session_routes(context, cached=parts.cached_sessions, codes=parts.login_codes),
+            session_link_routes(context, codes=parts.login_codes),
+            key_routes(context, keys=keys),
+            clock_routes(anchor=parts.anchor),
+            provider_routes(context, registry=parts.clients["registry"], keys=keys),
+            statistics_routes(context, reporting=parts.reporting),
+            audit_routes(context),
             limit_routes(
-                gate=gate,
                 meters=parts.meters,
                 counters=(
                     parts.quota,
@@ -141,7 +127,6 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 ),
             ),
             forward_routes(
-                gate=gate,
                 registry=parts.clients["registry"],
                 to_cells=ForwardToCells(parts.servers, parts.find),
                 changes=parts.waker,
@@ -153,11 +138,10 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
             console_routes(base_map=parts.base_map),
             system_routes(
-                gate=gate,
+                context,
                 clients=parts.all_clients,
                 gauges=parts.gauges,
                 small_world=parts.small_world,
-                db=db,
             ),
         ],
         lifespan=lifespan,

@@ -20,19 +20,17 @@ from skyway.runtime.replicas.membership import Membership
 from skyway.runtime.replicas.replica_store import ReplicaStore
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import session_store
+from skyway_gateway.access.audit_trail import RefusedLogins
 from skyway_gateway.access.keys import Keys
-from skyway_gateway.access.keys_in_use import KeysInUse
 from skyway_gateway.access.login_codes import LoginCodes
-from skyway_gateway.access.recognise import AllKeys, CachedKeys, DroneKeys
-from skyway_gateway.access.refused_logins import RefusedLogins
-from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.recognise import AllKeys, CachedKeys, DroneKeys, KeysInUse
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
-from skyway_gateway.clients import RestRegistry
-from skyway_gateway.console.base_map import BaseMap
-from skyway_gateway.console.small_world import SmallWorld
+from skyway_gateway.clients import NetworkFinder, RestRegistry, RoutedComposition
+from skyway_gateway.console.console_files import BaseMap
+from skyway_gateway.console.system_routes import SmallWorld
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.booking.wake_waiting import Waker
-from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
+from skyway_gateway.deliveries.records.delivery_rows import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
 from skyway_gateway.forward.table import TenantLimit, open_calls
@@ -45,11 +43,10 @@ from skyway_gateway.notifications.fair_slots import FairSlots, SlotLimits
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
 from skyway_gateway.notifications.secret_vault import SecretVault
 from skyway_gateway.notifications.send_webhooks import WebhookSender
-from skyway_gateway.notifications.webhook_quota_store import WebhookQuota
+from skyway_gateway.notifications.webhook_store import WebhookQuota
 from skyway_gateway.parts import SERVICE, Parts
 from skyway_gateway.quotes.make_quote import HoldLimits
 from skyway_gateway.quotes.store import keep_network
-from skyway_gateway.routed_composition import NetworkFinder, RoutedComposition
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import outbox, replicas
 from skyway_gateway.tracking.pages import TrackingPages
@@ -115,7 +112,6 @@ def build_parts(
         cached_keys=cached_keys,
         cached_sessions=cached_sessions,
         login_codes=LoginCodes(db, clock, public_url),
-        gate=KeyGate(),
         base_map=BaseMap(settings.console_map),
         small_world=SmallWorld(settings.small_world_file),
         metrics_gate=MetricsGate(settings.secrets_dir),

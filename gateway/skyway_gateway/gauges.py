@@ -10,7 +10,7 @@ from skyway.runtime.outbox.outbox_store import OutboxGauges
 from skyway.units import moment_to_ms
 from skyway_gateway import gauge_store
 from skyway_gateway.gauge_store import StoredQueue
-from skyway_gateway.lateness.promise import host_delay_ms
+from skyway_gateway.lateness.lateness_forecast import host_delay_ms
 from skyway_gateway.lateness.store import KeptPromises, kept_promises
 from skyway_gateway.parts import Parts
 from skyway_gateway.tables import outbox

@@ -18,15 +18,14 @@ from skyway.runtime.metrics import Gauges
 from skyway.runtime.minting import mint
 from skyway.runtime.replicas.membership import Membership
 from skyway.runtime.sql.database import Database
+from skyway_gateway.access.audit_trail import RefusedLogins
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.login_codes import LoginCodes
 from skyway_gateway.access.recognise import CachedKeys
-from skyway_gateway.access.refused_logins import RefusedLogins
-from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
-from skyway_gateway.clients import Composition, Registry
-from skyway_gateway.console.base_map import BaseMap
-from skyway_gateway.console.small_world import SmallWorld
+from skyway_gateway.clients import Composition, NetworkFinder, Registry
+from skyway_gateway.console.console_files import BaseMap
+from skyway_gateway.console.system_routes import SmallWorld
 from skyway_gateway.deliveries.apply_reports import OverdueNotifier, ReportApplier
 from skyway_gateway.deliveries.booking.book import Booker
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop, ScheduleOpener
@@ -42,11 +41,10 @@ from skyway_gateway.notifications.delivery_events import EventListeners
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
 from skyway_gateway.notifications.secret_vault import SecretVault
 from skyway_gateway.notifications.send_webhooks import WebhookSender
-from skyway_gateway.notifications.webhook_quota_store import WebhookQuota
+from skyway_gateway.notifications.webhook_store import WebhookQuota
 from skyway_gateway.quotes.accept_offer import OfferKeeper
 from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks, ShortWait
 from skyway_gateway.quotes.make_quote import HoldLimits, QuoteMaker
-from skyway_gateway.routed_composition import NetworkFinder
 from skyway_gateway.tracking.pages import TrackingPages
 from skyway_gateway.tracking_links import TrackingLinks
 
@@ -72,7 +70,6 @@ class Parts:
     login_codes: LoginCodes
     base_map: BaseMap
     small_world: SmallWorld
-    gate: KeyGate
     metrics_gate: MetricsGate
     entrance: KeyEntrance
     refused_logins: RefusedLogins

@@ -15,12 +15,12 @@ from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.senders import MqttSender, ReportSender
 from skyway.runtime.outbox.stream_sender import unhurried_pace
 from skyway.runtime.replicas.membership import LeaderStep, Membership, PollsInTurn
+from skyway_gateway.clients import DeliveryReports
 from skyway_gateway.live.figures import LiveFigures
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
 from skyway_gateway.notifications.seal_secrets import seal_secrets
 from skyway_gateway.parts import Parts
-from skyway_gateway.retention.start_pruning import start_pruning
-from skyway_gateway.routed_composition import DeliveryReports
+from skyway_gateway.retention.pruning import start_pruning
 from skyway_gateway.settings import GatewaySettings
 
 #: Seconds of wall time between two steps of a loop that nothing has woken.

@@ -26,24 +26,30 @@ from skyway.runtime.peer_secrets import read_secret
 from skyway.runtime.replicas.membership import LeaderStep, Membership
 from skyway.runtime.sql.migrations import migrate
 from skyway_provider_registry.candidates.routes import candidate_routes, service_state_routes
+from skyway_provider_registry.context import Context
 from skyway_provider_registry.enrolment.routes import (
     drone_key_routes,
     drone_signature_routes,
     enrolment_routes,
 )
-from skyway_provider_registry.enrolment.stored_keys import StoredKeys
-from skyway_provider_registry.fleets.all_drones_routes import all_drones_routes
+from skyway_provider_registry.enrolment.signing_store import StoredKeys
+from skyway_provider_registry.fleets.all_drones_routes import (
+    all_drones_routes,
+    live_routes,
+    quota_routes,
+)
 from skyway_provider_registry.fleets.announce_renewals import CompositionNotice, RenewalAnnouncer
-from skyway_provider_registry.fleets.battery_routes import battery_routes, installation_routes
 from skyway_provider_registry.fleets.credential_routes import credential_routes
 from skyway_provider_registry.fleets.drone_model_routes import drone_model_routes
-from skyway_provider_registry.fleets.live_routes import live_routes
-from skyway_provider_registry.fleets.maintenance_routes import maintenance_routes
-from skyway_provider_registry.fleets.quota_routes import quota_routes
 from skyway_provider_registry.fleets.routes import (
     fleet_routes,
     fleet_statistics_routes,
     registration_routes,
+)
+from skyway_provider_registry.fleets.upkeep_routes import (
+    battery_routes,
+    installation_routes,
+    maintenance_routes,
 )
 from skyway_provider_registry.gauges import RegistryGauges
 from skyway_provider_registry.parts import SERVICE, Parts, parts_in_life
@@ -72,6 +78,7 @@ _LONGEST_WAIT_S: Final = 60.0
 def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
     """The routes of all rooms; the lifespan opens the parts."""
     db, gate, clock = parts.db, parts.gate, parts.clock
+    context = Context(db, gate, clock, parts.mint)
     stations, password_file = parts.stations, parts.password_file
     return create_app(
         service=SERVICE,
@@ -80,45 +87,33 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
         models=(TelemetryGeoJson,),
         # Paths are matched in this order: first the routes that every delivery calls.
         routers=[
-            candidate_routes(view=parts.fleet_view, gate=gate, clock=clock),
-            presence_routes(db=db, clock=clock, gate=gate),
-            provider_routes(
-                db=db, gate=gate, clock=clock, mint=parts.mint, stations=parts.stations
-            ),
-            drone_model_routes(db=db, gate=gate),
+            candidate_routes(context, view=parts.fleet_view),
+            presence_routes(context),
+            provider_routes(context, stations=stations),
+            drone_model_routes(context),
             registration_routes(
-                db=db,
-                gate=gate,
-                clock=clock,
-                mint=parts.mint,
+                context,
                 stations=stations,
                 password_file=password_file,
                 limit=parts.drone_limit,
                 cloud_keys=parts.cloud_keys,
             ),
             fleet_routes(
-                db=db,
-                gate=gate,
-                clock=clock,
-                stations=stations,
-                password_file=password_file,
-                servers=parts.servers,
+                context, stations=stations, password_file=password_file, servers=parts.servers
             ),
-            all_drones_routes(db=db, gate=gate, clock=clock),
-            service_state_routes(db=db, gate=gate),
-            fleet_statistics_routes(db=db, gate=gate, clock=clock),
-            credential_routes(
-                db=db, gate=gate, clock=clock, password_file=password_file, issuer=parts.issuer
-            ),
-            drone_key_routes(db=db, gate=gate, clock=clock, password_file=password_file),
-            drone_signature_routes(gate=gate, keys=StoredKeys(db, clock)),
-            enrolment_routes(db=db, gate=gate, password_file=password_file),
-            battery_routes(db=db, gate=gate, clock=clock, mint=parts.mint),
-            installation_routes(db=db, gate=gate, clock=clock),
-            maintenance_routes(db=db, gate=gate, clock=clock),
-            quota_routes(gate=gate, limit=parts.drone_limit),
-            live_routes(db=db, gate=gate, clock=clock),
-            telemetry_routes(db=db, gate=gate),
+            all_drones_routes(context),
+            service_state_routes(context),
+            fleet_statistics_routes(context),
+            credential_routes(context, password_file=password_file, issuer=parts.issuer),
+            drone_key_routes(context, password_file=password_file),
+            drone_signature_routes(context, keys=StoredKeys(db, clock)),
+            enrolment_routes(context, password_file=password_file),
+            battery_routes(context),
+            installation_routes(context),
+            maintenance_routes(context),
+            quota_routes(context, limit=parts.drone_limit),
+            live_routes(context),
+            telemetry_routes(context),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
             figures_routes(gate=gate, gauges=parts.gauges),
         ],

@@ -29,7 +29,7 @@ from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.enrolment.password_file import PasswordFile
-from skyway_provider_registry.enrolment.stored_keys import StoredKeys
+from skyway_provider_registry.enrolment.signing_store import StoredKeys
 from skyway_provider_registry.fleets.issue_credentials import Issuer
 from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.homes import CompositionStations, StationLookup

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from skyway.broker_setup.account_files import (
+from skyway.broker_setup.mosquitto_accounts import (
     AccountFiles,
     client_files,
     revoked_file,
@@ -72,7 +72,7 @@ def mosquitto_conf(
     Parameters
     ----------
     password_file
-        The file of drones' and customers' accounts; `account_files` names the others beside it.
+        The file of drones' and customers' accounts; the others are beside it.
     user
         The user that Mosquitto becomes when root starts it; it must be able to read the 0600 files.
     host

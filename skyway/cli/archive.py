@@ -23,7 +23,7 @@ def archive_command(
     from skyway.cli.system.children import PACKAGES
     from skyway.cli.system.databases import database_urls
     from skyway.cli.system.supervisor import ProcessEnded
-    from skyway.runtime.archive.export import WrittenDay
+    from skyway.runtime.archive import WrittenDay
 
     own = data_folder(data)
     urls = asyncio.run(database_urls(own))

@@ -38,8 +38,7 @@ def top_command(
     data: DataOption = None,
 ) -> None:
     """Show a running Skyway on one screen: drones, missions, deliveries, alarms, lag."""
-    from skyway.cli.top import watch
-    from skyway.cli.top_reader import NoAnswer, TopReader
+    from skyway.cli.top import NoAnswer, TopReader, watch
 
     folder = data_folder(data)
     url, key = gateway_and_key(folder)

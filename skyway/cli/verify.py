@@ -62,7 +62,7 @@ def verify_command(
 
 def _chosen(folder: DataFolder, databases: Sequence[str], cells: Sequence[str]) -> dict[str, str]:
     """The URL of each database by its name: its service, or which cell it is of."""
-    from skyway_verifier.cross_rule import cell_name
+    from skyway_verifier.rule import cell_name
 
     from skyway.cli.system.cells import cells_of
     from skyway.cli.system.databases import named_databases
@@ -91,7 +91,7 @@ def _findings(folder: DataFolder, urls: Mapping[str, str]) -> "Findings":
     for url in urls.values():
         _must_exist(url)
     begin_loading()
-    from skyway_verifier.verify import verify
+    from skyway_verifier.check import verify
 
     keep_what_is_loaded()
     own, other = folder.clock_file, os.environ.get("SKYWAY_CLOCK_FILE")

@@ -18,7 +18,7 @@ from skyway.runtime.loading import keep_what_is_loaded
 from skyway.runtime.settings import ArchiveSettings, DatabaseSettings, ServiceSettings
 
 if TYPE_CHECKING:
-    from skyway.runtime.archive.archived_table import ArchivedTable
+    from skyway.runtime.archive import ArchivedTable
 
 S = TypeVar("S", bound=ServiceSettings)
 
@@ -63,7 +63,7 @@ class ServiceProcess(Generic[S]):
         configure_logs(self.name, settings.log_level)
         logging.getLogger().addHandler(LAST_ERRORS)
         if settings.otlp_endpoint is not None:
-            from skyway.runtime.otlp import export_spans
+            from skyway.runtime.tracing import export_spans
 
             export_spans(self.name, settings.otlp_endpoint)
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
@@ -76,7 +76,7 @@ class ServiceProcess(Generic[S]):
         return 0
 
     async def _archive(self, folder: Path) -> int:
-        from skyway.runtime.archive.export import Export
+        from skyway.runtime.archive import Export
         from skyway.runtime.clock import load_clock
         from skyway.runtime.sql.database import Database
 

@@ -2,8 +2,13 @@
 
 One `traceparent` follows a request through REST, messages and logs. `LAST_ERRORS` keeps the newest
 warning or error of each kind for operators.
+
+In deployments that name a collector (`SKYWAY_OTLP_ENDPOINT`), a thread of its own sends spans
+there, many in one request. When the collector is slow or away, spans are dropped: nothing waits for
+it.
 """
 
+import atexit
 import json
 import logging
 import re
@@ -17,9 +22,10 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Final
+from typing import Any, Final
 
 from skyway.contracts.figures import LoggedError
+from skyway.runtime.errors import InvalidSettings
 
 _TRACEPARENT = re.compile(r"([0-9a-f]{2})-([0-9a-f]{32})-([0-9a-f]{16})-([0-9a-f]{2})(-.*)?")
 _NO_TRACE = "0" * 32
@@ -234,3 +240,62 @@ def _reason_of(record: logging.LogRecord) -> str | None:
 
 #: The warnings and errors of this process.
 LAST_ERRORS: Final = LastErrors()
+
+
+@dataclass(frozen=True, slots=True)
+class SpanExport:
+    """The export of the spans of this process, until it is closed."""
+
+    processor: Any  # OpenTelemetry's BatchSpanProcessor, whose methods have no types
+
+    def close(self) -> None:
+        """Send the spans that wait, and export no others."""
+        SPANS.recorder = None
+        self.processor.shutdown()
+
+
+def export_spans(service: str, endpoint: str) -> SpanExport:
+    """Send the spans of this process to a collector: OTLP over HTTP, as protobuf.
+
+    Raises
+    ------
+    InvalidSettings
+        OpenTelemetry is not installed.
+    """
+    try:
+        from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
+        from opentelemetry.sdk.resources import Resource
+        from opentelemetry.sdk.trace import ReadableSpan
+        from opentelemetry.sdk.trace.export import BatchSpanProcessor
+        from opentelemetry.trace import SpanContext, Status, StatusCode, TraceFlags
+    except ImportError as error:
+        detail = "SKYWAY_OTLP_ENDPOINT needs OpenTelemetry: pip install 'skyway[otlp]'"
+        raise InvalidSettings(detail) from error
+    resource = Resource.create({"service.name": f"skyway-{service}"})
+    processor = BatchSpanProcessor(OTLPSpanExporter(endpoint=endpoint))
+
+    def context(trace_id: str, span_id: str) -> SpanContext:
+        sampled = TraceFlags(TraceFlags.SAMPLED)
+        return SpanContext(
+            int(trace_id, 16), int(span_id, 16), is_remote=False, trace_flags=sampled
+        )
+
+    def record(span: FinishedSpan) -> None:
+        status = Status(StatusCode.ERROR if span.has_failed else StatusCode.UNSET)
+        parent = None if span.parent_id is None else context(span.trace_id, span.parent_id)
+        processor.on_end(
+            ReadableSpan(
+                span.name,
+                context(span.trace_id, span.span_id),
+                parent,
+                resource,
+                status=status,
+                start_time=span.began_ns,
+                end_time=span.ended_ns,
+            )
+        )
+
+    SPANS.recorder = record
+    export = SpanExport(processor)
+    atexit.register(export.close)
+    return export

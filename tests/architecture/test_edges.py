@@ -20,7 +20,7 @@ PACKAGES = (
 ALLOWED = {
     "sqlalchemy": re.compile(
         r"(.*/)?(\w+_)?store\.py|migrations/.*|(.*/)?(\w+_)?tables(\.py|/.*)"
-        r"|runtime/(sql|outbox|archive)/.*"
+        r"|runtime/(sql|outbox)/.*|runtime/archive\.py"
     ),
     "fastapi": re.compile(r"(.*/)?(\w+_)?routes\.py|app\.py|runtime/http/.*"),
     "starlette": re.compile(r"(.*/)?(\w+_)?routes\.py|app\.py|runtime/http/.*"),

@@ -17,7 +17,7 @@ import httpx
 from fastapi import FastAPI, Request
 from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute, request_response
-from skyway_gateway.access.routes import KeyGate, caller_with_key
+from skyway_gateway.access.routes import caller_of_key, caller_with_key
 from starlette.middleware import Middleware
 
 from skyway.runtime.http.identity import Caller, KeyHolder, ServiceGate
@@ -105,7 +105,10 @@ def _operator(request: Request) -> Caller:
 
 
 def _gates(dependant: Dependant) -> Iterator[Any]:
-    if isinstance(dependant.call, KeyGate | ServiceGate) or dependant.call is caller_with_key:
+    if isinstance(dependant.call, ServiceGate) or dependant.call in (
+        caller_of_key,
+        caller_with_key,
+    ):
         yield dependant.call
     for inner in dependant.dependencies:
         yield from _gates(inner)

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 from skyway_verifier.across.rules import ACROSS
-from skyway_verifier.cross_rule import AnyCrossRule
-from skyway_verifier.rule import Rule
-from skyway_verifier.verify import RULES
+from skyway_verifier.check import RULES
+from skyway_verifier.rule import AnyCrossRule, Rule
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/reference/invariants.md").read_text()

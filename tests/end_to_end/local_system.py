@@ -19,7 +19,7 @@ from skyway_verifier.rule import BrokenRule
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
 from skyway.cli.gateway import read_keys
 from skyway.runtime.metrics import METRICS_KEY
-from skyway.runtime.signing.fleet_keys import FleetKeys
+from skyway.runtime.signing.key_pair import FleetKeys
 from tests.end_to_end.corridor_network import corridor
 from tests.end_to_end.eventually import LONGEST_WAIT_S, eventually
 from tests.end_to_end.verified import broken_rules

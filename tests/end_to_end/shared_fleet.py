@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from skyway.runtime.signing.fleet_keys import FleetKeys
+from skyway.runtime.signing.key_pair import FleetKeys
 from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
 from tests.end_to_end.local_system import LocalSystem
 

@@ -18,7 +18,7 @@ from skyway.cli.data_folder import DataFolder
 from skyway.cli.gateway import GatewayApi, read_keys
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import System, running_system
-from skyway.runtime.signing.fleet_keys import FleetKeys
+from skyway.runtime.signing.key_pair import FleetKeys
 from tests.end_to_end.eventually import LONGEST_WAIT_S, asked_until
 from tests.end_to_end.local_system import TERMINAL
 

@@ -10,9 +10,8 @@ from datetime import UTC, datetime
 from typing import Final
 
 from skyway_verifier.across.rules import ACROSS
-from skyway_verifier.check import check
+from skyway_verifier.check import check, checked_as
 from skyway_verifier.rule import BrokenRule
-from skyway_verifier.verify import checked_as
 
 from skyway.runtime.sql.read_only import ReadOnlyDatabase
 

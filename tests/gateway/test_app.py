@@ -15,7 +15,7 @@ import pytest
 from skyway_gateway.app import openapi_app
 from skyway_gateway.forward.table import FORWARDED
 from skyway_gateway.settings import GatewaySettings
-from skyway_verifier.verify import verify
+from skyway_verifier.check import verify
 
 from skyway.runtime.clock import load_clock
 from skyway.runtime.errors import InvalidSettings

@@ -4,7 +4,7 @@ from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 
 import pytest
-from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery
+from skyway_gateway.deliveries.records.delivery_rows import QueuedDelivery
 
 from skyway.cells import NETWORK_HEADER
 from skyway.contracts.forgotten_deliveries import ForgetDeliveries

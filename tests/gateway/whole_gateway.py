@@ -16,9 +16,8 @@ from skyway_gateway.access.api_key import ApiKey, KeyRole
 from skyway_gateway.access.store import add as add_key
 from skyway_gateway.app import gateway_app, take_over
 from skyway_gateway.build_parts import build_parts
-from skyway_gateway.deliveries.records.delivery_rows import changing, package_values
+from skyway_gateway.deliveries.records.delivery_rows import StoredDelivery, changing, package_values
 from skyway_gateway.deliveries.records.delivery_store import lock
-from skyway_gateway.deliveries.records.stored_delivery import StoredDelivery
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.parts import Parts
 from skyway_gateway.settings import GatewaySettings

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Final, Self
 
 from skyway_verifier.across.rules import ACROSS
-from skyway_verifier.check import check
+from skyway_verifier.check import RULES, check, checked_as
 from skyway_verifier.rule import BrokenRule
-from skyway_verifier.verify import RULES, checked_as
 
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database

@@ -10,7 +10,7 @@ from skyway_composition.tables import metadata as composition
 from skyway_gateway.tables import metadata as gateway
 from skyway_provider_registry.tables import metadata as registry
 from skyway_verifier.across.rules import ACROSS
-from skyway_verifier.verify import RULES
+from skyway_verifier.check import RULES
 
 PAGE: Final = Path(__file__).parents[2] / "docs/reference/invariants.md"
 TABLES: Final = {"gateway": gateway, "composition": composition, "registry": registry}

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 from skyway_verifier.across.rules import ACROSS
-from skyway_verifier.verify import RULES
+from skyway_verifier.check import RULES
 
 from tests.end_to_end.verified import broken_rules
 from tests.verification.access_corruptions import ACCESS_CORRUPTIONS

@@ -7,9 +7,8 @@ from typing import Any, Final
 
 import pytest
 from skyway_verifier.check import Checked, Findings, check
-from skyway_verifier.cross_rule import CrossRule
 from skyway_verifier.facts import Facts
-from skyway_verifier.rule import Rule, Survey
+from skyway_verifier.rule import CrossRule, Rule, Survey
 
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.server_url import Dialect

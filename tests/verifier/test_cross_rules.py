@@ -4,11 +4,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import pytest
-from skyway_verifier.across.deliveries import DELIVERY_RULES
-from skyway_verifier.across.rules import DRONE_RULES
+from skyway_verifier.across.rules import DELIVERY_RULES, DRONE_RULES
 from skyway_verifier.check import Look
-from skyway_verifier.cross_rule import broken_across, cell_name, still_broken
 from skyway_verifier.facts import DeliveryFacts, Facts, HintFacts, MissionFacts, PackageFacts
+from skyway_verifier.rule import broken_across, cell_name, still_broken
 
 from skyway.contracts.mission import LIVE_MISSION_STATES, MissionState
 

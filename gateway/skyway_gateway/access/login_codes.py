@@ -9,9 +9,8 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import KeyHolder, RefusedKey
 from skyway.runtime.peer_secrets import secret_hash
 from skyway.runtime.sql.database import Database, Tx
-from skyway_gateway.access import session_link_store
-from skyway_gateway.access.keys_in_use import KeysInUse
-from skyway_gateway.access.recognise import CachedKeys
+from skyway_gateway.access import session_store
+from skyway_gateway.access.recognise import CachedKeys, KeysInUse
 
 #: Where the console reads the code; browsers do not send what follows `#`.
 _LOGIN_PATH: Final = "/console#login="
@@ -28,14 +27,14 @@ class LoginCodes:
     def __init__(self, db: Database, clock: FleetClock, public_url: str) -> None:
         self._clock = clock
         self._public_url = public_url.rstrip("/")
-        self._codes = CachedKeys(db, clock, session_link_store.shown)
-        self._in_use = KeysInUse(db, clock, session_link_store.hashes_in_use)
+        self._codes = CachedKeys(db, clock, session_store.shown_by_link)
+        self._in_use = KeysInUse(db, clock, session_store.links_in_use)
 
     async def make(self, tx: Tx, key_id: KeyId) -> tuple[str, datetime]:
         """A new code for this key, and when it expires."""
         code = secrets.token_urlsafe(_SECRET_BYTES)
         expires_wall_at = self._clock.wall_now() + CODE_LASTS
-        await session_link_store.add(tx, secret_hash(code), key_id, expires_at=expires_wall_at)
+        await session_store.add_link(tx, secret_hash(code), key_id, expires_at=expires_wall_at)
         return code, expires_wall_at
 
     def url_of(self, code: str) -> str:
@@ -45,7 +44,7 @@ class LoginCodes:
     async def use(self, tx: Tx, code: str) -> bool:
         """Use a code; False if it was used before or has expired."""
         tx.after_commit(self._codes.forget)
-        return await session_link_store.use(tx, secret_hash(code), at=self._clock.wall_now())
+        return await session_store.use_link(tx, secret_hash(code), at=self._clock.wall_now())
 
     async def recognise(self, secret: str) -> KeyHolder | RefusedKey:
         """The holder of the key of this code, or why the code is refused."""

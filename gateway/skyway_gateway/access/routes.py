@@ -1,38 +1,39 @@
-"""API keys and the audit log over HTTP: the gate that gives the caller, and operators' routes."""
+"""Keys, limits and the audit log over HTTP: who the caller is, and operators' routes."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 from fastapi import Depends, Query, Request, Response
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from skyway.ids import KeyId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Unauthenticated
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
+from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.identity import Caller, KeyHolder
 from skyway.runtime.http.paging import Page, page_of
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.sql.database import Database
 from skyway_gateway.access import audit_store, store
 from skyway_gateway.access.api_key import ApiKey, IssuedKey, NewKey
 from skyway_gateway.access.audit_store import AuditEntry, AuditQuery
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.scopes import require_scope
 from skyway_gateway.access.store import KeyListQuery
+from skyway_gateway.access.usage import Limits, UsageBudget, UsageCounter
+from skyway_gateway.context import Context
 
 _bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a drone's: dk_...")
 
 
-class KeyGate:
-    """A dependency that gives the caller whom the entrance has recognised."""
+async def caller_of_key(
+    request: Request, _shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
+) -> Caller:
+    """The caller whose key is shown, if the key has the scope of this call."""
+    return admitted(request)
 
-    async def __call__(
-        self,
-        request: Request,
-        _shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
-    ) -> Caller:
-        """The caller whose key is shown, if the key has the scope of this call."""
-        return admitted(request)
+
+#: The caller of a route that needs a key.
+KeyCaller = Annotated[Caller, Depends(caller_of_key)]
 
 
 async def caller_with_key(
@@ -74,7 +75,7 @@ def holder_of(request: Request) -> KeyHolder:
     return holder
 
 
-def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) -> ServiceRouter:
+def key_routes(context: Context, *, keys: Keys) -> ServiceRouter:
     """POST, GET and DELETE /v1/keys, for operators; POST /v1/keys/rotations, for each holder."""
     router = ServiceRouter(tags=("keys",))
 
@@ -86,7 +87,7 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
     )
     async def create_key(
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         requested: NewKey,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
@@ -103,7 +104,7 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
     @router.post("/v1/keys/rotations", status_code=201, response_model=IssuedKey)
     async def rotate_key(
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Get the next key of the key that is shown, with the same name, scopes and expiry.
@@ -120,30 +121,28 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
         return response_of(await keys.rotate(holder, call))
 
     @router.get("/v1/keys")
-    async def list_keys(
-        caller: Annotated[Caller, Depends(gate)], query: Annotated[KeyListQuery, Query()]
-    ) -> Page[ApiKey]:
+    async def list_keys(caller: KeyCaller, query: Annotated[KeyListQuery, Query()]) -> Page[ApiKey]:
         """List all keys in use, without their secrets.
 
         Callers: operator.
         """
         caller.must_be("operator")
-        async with db.read() as connection:
-            found = await store.page(connection, query, at=clock.wall_now())
+        async with context.db.read() as connection:
+            found = await store.page(connection, query, at=context.clock.wall_now())
         return page_of(found, query, item=lambda key: key, sort_key=lambda key: (key.key_id,))
 
     @router.get("/v1/keys/{key_id}")
-    async def get_key(key_id: KeyId, caller: Annotated[Caller, Depends(gate)]) -> ApiKey:
+    async def get_key(key_id: KeyId, caller: KeyCaller) -> ApiKey:
         """Show a key, without its secret.
 
         Callers: operator.
         """
         caller.must_be("operator")
-        async with db.read() as connection:
-            return await store.one(connection, key_id, at=clock.wall_now())
+        async with context.db.read() as connection:
+            return await store.one(connection, key_id, at=context.clock.wall_now())
 
     @router.delete("/v1/keys/{key_id}", status_code=204)
-    async def delete_key(key_id: KeyId, caller: Annotated[Caller, Depends(gate)]) -> Response:
+    async def delete_key(key_id: KeyId, caller: KeyCaller) -> Response:
         """Delete a key; calls with it are refused from now on.
 
         Callers: operator.
@@ -155,21 +154,38 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
     return router
 
 
-def audit_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
+def audit_routes(context: Context) -> ServiceRouter:
     """GET /v1/audit."""
     router = ServiceRouter(tags=("audit",))
 
     @router.get("/v1/audit")
     async def list_audit_entries(
-        caller: Annotated[Caller, Depends(gate)], query: Annotated[AuditQuery, Query()]
+        caller: KeyCaller, query: Annotated[AuditQuery, Query()]
     ) -> Page[AuditEntry]:
         """List what operators and providers changed, and refused keys, the newest first.
 
         Callers: operator.
         """
         caller.must_be("operator")
-        async with db.survey() as connection:
+        async with context.db.survey() as connection:
             found = await audit_store.page(connection, query)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.entry_id,))
+
+    return router
+
+
+def limit_routes(*, meters: Meters, counters: Sequence[UsageCounter]) -> ServiceRouter:
+    """GET /v1/limits."""
+    router = ServiceRouter(tags=("limits",))
+
+    @router.get("/v1/limits")
+    async def show_limits(caller: KeyCaller) -> Limits:
+        """Show what the caller may use, and what is left of it.
+
+        Callers: every API key.
+        """
+        budgets = [UsageBudget.of(meter.read(str(caller))) for meter in meters.of(caller)]
+        quotas = [quota for each in counters for quota in await each.usage(caller)]
+        return Limits(budgets=tuple(budgets), quotas=tuple(quotas))
 
     return router

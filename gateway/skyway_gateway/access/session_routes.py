@@ -1,15 +1,17 @@
-"""Sessions of browsers over REST: opened with a key or a code, shown and ended by their cookie."""
+"""Sessions of browsers and the links that begin them, over REST.
+
+A session is opened with a key or a code, and shown and ended by its cookie.
+"""
 
 import secrets
-from datetime import timedelta
 from typing import Annotated, Final
 
 from fastapi import Depends, Request, Response
 from pydantic import Field
 
+from skyway.contracts.message import WallMoment
 from skyway.ids import KeyId, SubjectId
 from skyway.json_model import JsonModel
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound, Unauthenticated
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
@@ -21,15 +23,12 @@ from skyway.runtime.http.session_cookie import (
     set_session,
 )
 from skyway.runtime.peer_secrets import secret_hash
-from skyway.runtime.sql.database import Database
 from skyway_gateway.access import session_store
 from skyway_gateway.access.api_key import KeyRole
 from skyway_gateway.access.login_codes import LoginCodes
 from skyway_gateway.access.recognise import CachedKeys
-from skyway_gateway.access.routes import KeyGate, admitted, caller_with_key, holder_of
-
-#: How long a session lasts, wall time.
-SESSION_LASTS: Final = timedelta(hours=12)
+from skyway_gateway.access.routes import KeyCaller, admitted, caller_with_key, holder_of
+from skyway_gateway.context import Context
 
 _SECRET_BYTES: Final = 32
 
@@ -66,14 +65,7 @@ class Session(JsonModel):
     ]
 
 
-def session_routes(
-    *,
-    db: Database,
-    gate: KeyGate,
-    clock: FleetClock,
-    cached: CachedKeys,
-    codes: LoginCodes,
-) -> ServiceRouter:
+def session_routes(context: Context, *, cached: CachedKeys, codes: LoginCodes) -> ServiceRouter:
     """POST /v1/sessions, and GET and DELETE /v1/sessions/current."""
     router = ServiceRouter(tags=("keys",))
 
@@ -110,22 +102,22 @@ def session_routes(
             caller = await recognise_code(request, code)
         caller.must_be("customer", "provider", "operator")
         secret = SESSION_PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             if code is not None and not await codes.use(tx, code):
                 raise Unauthenticated(_LINK_IS_OVER)
             await session_store.add(
                 tx,
                 secret_hash(secret),
                 KeyId(holder_of(request).key_id),
-                at=clock.wall_now(),
-                lasts=SESSION_LASTS,
+                at=context.clock.wall_now(),
+                lasts=session_store.SESSION_LASTS,
             )
-        lasts_s = int(SESSION_LASTS.total_seconds())
+        lasts_s = int(session_store.SESSION_LASTS.total_seconds())
         set_session(response, request, secret, lasts_s=lasts_s)
         return _session(request)
 
     @router.get("/v1/sessions/current")
-    async def get_session(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Session:
+    async def get_session(request: Request, caller: KeyCaller) -> Session:
         """Show for whom the browser calls.
 
         Callers: customer, provider, operator.
@@ -134,9 +126,7 @@ def session_routes(
         return _session(request)
 
     @router.delete("/v1/sessions/current", status_code=204)
-    async def delete_session(
-        request: Request, caller: Annotated[Caller, Depends(gate)]
-    ) -> Response:
+    async def delete_session(request: Request, caller: KeyCaller) -> Response:
         """End the browser's session, and have it forget the cookie.
 
         Callers: customer, provider, operator.
@@ -145,7 +135,7 @@ def session_routes(
         secret = session_in(request)
         if secret is None:
             raise NotFound("session", "current")
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             await session_store.end(tx, secret_hash(secret))
             tx.after_commit(cached.forget)
         response = Response(status_code=204)
@@ -165,3 +155,39 @@ def _session(request: Request) -> Session:
             "scopes": scopes,
         }
     )
+
+
+class SessionLink(JsonModel):
+    """A link that logs a browser in once."""
+
+    url: Annotated[
+        str,
+        Field(
+            description="Link to the console with a code behind `#login=`. The first browser that "
+            "opens it gets a session of the key."
+        ),
+    ]
+    expires_wall_at: Annotated[
+        WallMoment,
+        Field(description="When the link ends, wall time: ten minutes after it was made."),
+    ]
+
+
+def session_link_routes(context: Context, *, codes: LoginCodes) -> ServiceRouter:
+    """POST /v1/session-links."""
+    router = ServiceRouter(tags=("keys",))
+
+    @router.post("/v1/session-links", status_code=201)
+    async def create_session_link(request: Request, caller: KeyCaller) -> SessionLink:
+        """Make a link that logs a browser in to the console, once within ten minutes.
+
+        The link ends with its key. A key has at most 50 links; another one ends the oldest.
+
+        Callers: customer, provider, operator.
+        """
+        caller.must_be("customer", "provider", "operator")
+        async with context.db.write() as tx:
+            code, expires_wall_at = await codes.make(tx, KeyId(holder_of(request).key_id))
+        return SessionLink(url=codes.url_of(code), expires_wall_at=expires_wall_at)
+
+    return router

@@ -1,4 +1,4 @@
-"""The SQL of API keys, and the condition for what belongs to a customer."""
+"""The SQL of API keys and their rotations, and the condition for what belongs to a customer."""
 
 import json
 from collections.abc import Awaitable, Callable, Sequence
@@ -12,6 +12,7 @@ from sqlalchemy import (
     ColumnElement,
     and_,
     bindparam,
+    case,
     exists,
     false,
     func,
@@ -31,6 +32,7 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.api_key import ApiKey, KeyRole
+from skyway_gateway.access.scopes import Scope
 from skyway_gateway.tables import api_keys
 
 
@@ -246,3 +248,47 @@ def owned(caller: Caller, customer_id: Column[str]) -> ColumnElement[bool]:
     if caller.role == "operator":
         return true()
     return customer_id == caller.subject_id if caller.role == "customer" else false()
+
+
+@dataclass(frozen=True, slots=True)
+class RotatedKey:
+    """What a next key has of the key that it replaces."""
+
+    name: str | None
+    scopes: tuple[Scope, ...] | None
+    expires_at: datetime | None
+    is_account_open: bool
+
+
+async def begin_rotation(
+    tx: Tx, key_id: KeyId, *, at: datetime, until: datetime
+) -> RotatedKey | None:
+    """Have a key end at `until`, if not sooner, and delete its earlier next key.
+
+    None when the key has ended. A second rotation does not move the end.
+    """
+    ends, until_ms = api_keys.c.ends_wall_ms, moment_to_ms(until)
+    earlier = case((or_(ends.is_(None), ends > until_ms), until_ms), else_=ends)
+    this = (api_keys.c.key_id == key_id) & api_keys.c.deleted_wall_ms.is_(None)
+    # First of all, so that two rotations of the same key wait for each other here.
+    ending = update(api_keys).where(this).values(ends_wall_ms=earlier)
+    if (await tx.execute(ending)).rowcount == 0:
+        return None
+    await end_next(tx, key_id, at=at)
+    row = (await tx.execute(select(api_keys).where(this))).one()
+    expires_at = None if row.expires_wall_ms is None else ms_to_moment(row.expires_wall_ms)
+    scopes = None if row.scopes is None else tuple(json.loads(row.scopes))
+    return RotatedKey(row.name, scopes, expires_at, row.is_account_open)
+
+
+async def bring_into_force(tx: Tx, key_id: KeyId, *, replaces: KeyId, at: datetime) -> None:
+    """End the key that a next key replaces; a second call changes nothing.
+
+    The replaced key comes first, as in a deletion: they wait for each other, and neither deadlocks.
+    """
+    replaced = (api_keys.c.key_id == replaces) & api_keys.c.deleted_wall_ms.is_(None)
+    at_ms = moment_to_ms(at)
+    await tx.execute(update(api_keys).where(replaced).values(deleted_wall_ms=at_ms))
+    is_next = (api_keys.c.key_id == key_id) & api_keys.c.is_next
+    in_use = is_next & api_keys.c.deleted_wall_ms.is_(None)
+    await tx.execute(update(api_keys).where(in_use).values(is_next=False))

@@ -1,17 +1,23 @@
-"""The console's files: read once, compressed at the first request, each with its checksum."""
+"""The console's files, and the operator's own base map.
+
+A file of the console is read once, compressed at the first request, and has a checksum.
+"""
 
 import base64
 import gzip
 import hashlib
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
 from importlib.resources.abc import Traversable
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import Final
+
+from skyway.runtime.errors import NotFound
 
 _MEDIA_TYPES: Final = {
     ".html": "text/html; charset=utf-8",
@@ -75,3 +81,31 @@ def _read(path: PurePosixPath, file: Traversable) -> ConsoleFile:
     content = file.read_bytes()
     checksum = hashlib.sha256(content).hexdigest()
     return ConsoleFile(_MEDIA_TYPES[path.suffix], content, f'"{checksum[:32]}"')
+
+
+#: The file that the console asks for first; others are named in it.
+STYLE = "style.json"
+
+
+@dataclass(frozen=True, slots=True)
+class BaseMap:
+    """Files below a folder; without a folder there are none, and the console draws outlines."""
+
+    folder: Path | None
+
+    def file_at(self, path: str) -> Path:
+        """The file at this path inside the folder, also through links that stay in it.
+
+        Raises
+        ------
+        NotFound
+            There is no such file in the folder, or no folder.
+        """
+        if self.folder is not None and "\0" not in path:
+            folder = self.folder.resolve()
+            # A path may be longer than the file system allows.
+            with suppress(OSError):
+                file = (folder / path).resolve()
+                if file.is_relative_to(folder) and file.is_file():
+                    return file
+        raise NotFound("file of the base map", path)

@@ -10,8 +10,12 @@ from fastapi.responses import FileResponse
 
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway_gateway.console.base_map import BaseMap
-from skyway_gateway.console.console_files import ConsoleFile, console_files, import_map_hash
+from skyway_gateway.console.console_files import (
+    BaseMap,
+    ConsoleFile,
+    console_files,
+    import_map_hash,
+)
 
 CONSOLE_PATH: Final = "/console"
 BASE_MAP_PATH: Final = "/console-map"

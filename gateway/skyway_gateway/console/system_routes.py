@@ -2,9 +2,9 @@
 
 import asyncio
 from collections.abc import Callable, Mapping
-from typing import Annotated, Final
-
-from fastapi import Depends
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
 
 from skyway.contracts.figures import (
     FIGURES,
@@ -12,19 +12,45 @@ from skyway.contracts.figures import (
     NotCounted,
     RequestedSmallWorld,
     ServiceHealth,
+    SmallWorldState,
     SystemHealth,
 )
-from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
+from skyway.runtime.errors import Conflict, RemoteProblem, ServiceUnavailable
 from skyway.runtime.http.answers import conflicts
 from skyway.runtime.http.client import ServiceClient
-from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.metrics_routes import figures_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.metrics import Gauges
-from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.server_url import Dialect
-from skyway_gateway.access.routes import KeyGate
-from skyway_gateway.console.small_world import SmallWorld
+from skyway_gateway.access.routes import KeyCaller
+from skyway_gateway.context import Context
+
+
+@dataclass(frozen=True, slots=True)
+class SmallWorld:
+    """A file that `skyway up` waits for; None where the gateway was started in another way."""
+
+    request_file: Path | None
+
+    @property
+    def state(self) -> SmallWorldState:
+        """Whether there can be one, and whether somebody has asked for it."""
+        if self.request_file is None:
+            return "UNAVAILABLE"
+        return "REQUESTED" if self.request_file.exists() else "AVAILABLE"
+
+    def request(self) -> None:
+        """Ask for it; a second request changes nothing.
+
+        Raises
+        ------
+        Conflict
+            NO_SMALL_WORLD: the gateway was not started by `skyway up`.
+        """
+        if self.request_file is None:
+            raise Conflict("NO_SMALL_WORLD", "only skyway up starts a small world")
+        self.request_file.touch()
+
 
 #: How long a service may take, wall seconds.
 _WITHIN_S: Final = 2.0
@@ -36,18 +62,17 @@ _NOT_COUNTED: Final[Mapping[Dialect, tuple[NotCounted, ...]]] = {
 
 
 def system_routes(
+    context: Context,
     *,
-    gate: KeyGate,
     clients: Callable[[], Mapping[str, ServiceClient]],
     gauges: Gauges,
     small_world: SmallWorld,
-    db: Database,
 ) -> ServiceRouter:
     """GET /v1/system and POST /v1/small-world."""
     router = ServiceRouter(tags=("service",))
 
     @router.get("/v1/system")
-    async def get_system(caller: Annotated[Caller, Depends(gate)]) -> SystemHealth:
+    async def get_system(caller: KeyCaller) -> SystemHealth:
         """Show whether each service answers, what it counts and measures, and its last errors.
 
         The figures are those of `/metrics`, without the buckets of histograms. They count since the
@@ -61,12 +86,12 @@ def system_routes(
         others = await asyncio.gather(*(_health(name, client) for name, client in asked))
         return SystemHealth(
             services=(_answering("gateway", own), *others),
-            not_counted=_NOT_COUNTED[db.dialect],
+            not_counted=_NOT_COUNTED[context.db.dialect],
             small_world=small_world.state,
         )
 
     @router.post("/v1/small-world", status_code=202, responses=conflicts("NO_SMALL_WORLD"))
-    async def start_small_world(caller: Annotated[Caller, Depends(gate)]) -> RequestedSmallWorld:
+    async def start_small_world(caller: KeyCaller) -> RequestedSmallWorld:
         """Have `skyway up` publish the bundled network, start fleets and request deliveries.
 
         The fleets are simulated, and everything is registered like any other fleet.

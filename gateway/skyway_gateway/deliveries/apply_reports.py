@@ -26,12 +26,9 @@ from skyway_gateway.deliveries.lifecycle.package_changes import TOLERANCE_S, whe
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.lifecycle.report_effects import after_report
 from skyway_gateway.deliveries.records import delivery_store
-from skyway_gateway.deliveries.records.stored_delivery import Outdated, StoredDelivery
-from skyway_gateway.deliveries.records.write_delivery import (
-    DeliveryWriter,
-    report_cancellation,
-)
-from skyway_gateway.lateness.promise import host_delay
+from skyway_gateway.deliveries.records.delivery_rows import Outdated, StoredDelivery
+from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter, report_cancellation
+from skyway_gateway.lateness.lateness_forecast import host_delay
 
 #: Reports after which a drone or pads may be free again.
 _FREEING: Final = ("REFUSED", "RELEASED", "ENDED")

@@ -3,13 +3,12 @@
 import json
 from collections.abc import Awaitable, Callable, Coroutine
 from http import HTTPStatus
-from typing import Annotated, Any, Final, Protocol
+from typing import Any, Final, Protocol
 
-from fastapi import Depends, Request, Response
+from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
 from skyway.ids import ProviderId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.answers import IdempotencyKey, keyed_call, response_of
 from skyway.runtime.http.body_bounds import BodyLimit
@@ -20,10 +19,11 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter, takes_bytes
 from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.limits import FairQueue
-from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.database import Tx
 from skyway_gateway.access.api_key import NewKey
 from skyway_gateway.access.keys import Keys
-from skyway_gateway.access.routes import KeyGate, holder_of
+from skyway_gateway.access.routes import KeyCaller, holder_of
+from skyway_gateway.context import Context
 from skyway_gateway.forward.cell_routes import ForwardToCells, whole_body
 from skyway_gateway.forward.document import most_body_bytes, stored_document
 from skyway_gateway.forward.table import (
@@ -53,7 +53,6 @@ class Changes(Protocol):
 
 def forward_routes(
     *,
-    gate: KeyGate,
     registry: ServiceClient,
     to_cells: ForwardToCells,
     changes: Changes,
@@ -79,7 +78,7 @@ def forward_routes(
         takes = takes_bytes(_body_limit(most_body_bytes(row, document), tenant_limit))
         router.add_api_route(
             row.path,
-            takes(_handler(row, gate, pass_on, changes, meters, planning, reporting)),
+            takes(_handler(row, pass_on, changes, meters, planning, reporting)),
             methods=[row.method],
             response_class=StreamingResponse,
             # The whole document takes its operation from the service's own.
@@ -94,7 +93,6 @@ def _body_limit(most_bytes: int, tenant_limit: TenantLimit) -> BodyLimit:
 
 def _handler(
     row: Forwarded,
-    gate: KeyGate,
     send: PassOn,
     changes: Changes,
     meters: Meters,
@@ -108,7 +106,7 @@ def _handler(
             changes.note_change()
         return answer
 
-    async def for_caller(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Response:
+    async def for_caller(request: Request, caller: KeyCaller) -> Response:
         caller.must_be(*row.roles)
         _refuse_foreign(caller, request)
         queue = reporting if row.is_report else None
@@ -129,9 +127,7 @@ def _handler(
     return for_caller if row.roles else for_anybody
 
 
-def provider_routes(
-    *, db: Database, gate: KeyGate, registry: ServiceClient, keys: Keys, clock: FleetClock
-) -> ServiceRouter:
+def provider_routes(context: Context, *, registry: ServiceClient, keys: Keys) -> ServiceRouter:
     """POST /v1/providers: forwarded, then `access` adds the provider's key."""
     # The whole document takes the operation from the registry's own.
     router = ServiceRouter(include_in_schema=False)
@@ -140,7 +136,7 @@ def provider_routes(
     @takes_bytes(most_body_bytes(PROVIDER_CREATION, stored_document()))
     async def create_provider(
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Register a provider; the answer also holds `key_id` and `key`, shown only here."""
@@ -162,7 +158,7 @@ def provider_routes(
             return Answer(201, json.dumps(answer).encode(), location)
 
         # The registry answers the same call the same; so does this, with the same key.
-        return response_of(await once(db, call, act=add_key, clock=clock))
+        return response_of(await once(context.db, call, act=add_key, clock=context.clock))
 
     return router
 

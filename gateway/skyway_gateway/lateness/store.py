@@ -139,7 +139,7 @@ async def kept_promises(
 ) -> Sequence[KeptPromises]:
     """The packages that came in the last day and week of fleet time, by network and provider.
 
-    `host_delay_ms` is the lateness that does not count, as `promise.host_delay` says.
+    `host_delay_ms` is the lateness that does not count, as `host_delay` says.
     """
     since = {
         f"{name}_ms": now_ms - round(span.total_seconds() * 1000) for name, span in _SPANS.items()

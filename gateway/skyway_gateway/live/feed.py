@@ -12,8 +12,7 @@ from typing import Final
 from skyway.runtime.errors import BudgetSpent, ServiceUnavailable
 from skyway.runtime.loops import Wake, repeat
 from skyway_gateway.live.documents import service_items
-from skyway_gateway.live.merge_patch import JsonObject
-from skyway_gateway.live.picture import Picture
+from skyway_gateway.live.picture import JsonObject, Picture
 from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.sources import Source, show_customers_drones
 from skyway_gateway.live.view import KEPT_LOOKS, LOOK_EVERY_S, View

@@ -16,7 +16,7 @@ from skyway.runtime.http.metrics_routes import figures_of
 from skyway.runtime.loops import repeat
 from skyway.runtime.metrics import Gauges
 from skyway_gateway.live.feed import LiveFeed
-from skyway_gateway.live.merge_patch import JsonObject
+from skyway_gateway.live.picture import JsonObject
 
 #: Wall seconds between two readings; services keep what they have measured as long.
 _READ_EVERY_S: Final = 5.0

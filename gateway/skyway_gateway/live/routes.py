@@ -3,7 +3,7 @@
 from functools import partial
 from typing import Annotated
 
-from fastapi import Depends, Header, Query, Request, Response
+from fastapi import Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import Field
 
@@ -13,7 +13,7 @@ from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.limits import Meter, Slots
-from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.viewer_frames import ViewerFrames, event_seen
@@ -42,7 +42,7 @@ class LiveQuery(QueryModel):
     ] = None
 
 
-def live_routes(*, gate: KeyGate, feed: LiveFeed, slots: Slots, meters: Meters) -> ServiceRouter:
+def live_routes(*, feed: LiveFeed, slots: Slots, meters: Meters) -> ServiceRouter:
     """GET /v1/live."""
     router = ServiceRouter(tags=("live",))
 
@@ -53,7 +53,7 @@ def live_routes(*, gate: KeyGate, feed: LiveFeed, slots: Slots, meters: Meters) 
     )
     async def stream_live_picture(
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         query: Annotated[LiveQuery, Query()],
         last_event_id: Annotated[str | None, Header(max_length=64)] = None,
     ) -> Response:

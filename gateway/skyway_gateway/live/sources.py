@@ -24,16 +24,16 @@ from skyway_gateway.live import live_store
 from skyway_gateway.live.documents import (
     alarm_item,
     closure_item,
+    customers_drone,
     customers_mission,
     delivery_item,
+    drone_item,
     linked_delivery_item,
     mission_item,
     service_items,
     station_item,
 )
-from skyway_gateway.live.drone_documents import customers_drone, drone_item
-from skyway_gateway.live.merge_patch import JsonObject
-from skyway_gateway.live.picture import Item, Key, Kind, Picture
+from skyway_gateway.live.picture import Item, JsonObject, Key, Kind, Picture
 
 log = logging.getLogger(__name__)
 

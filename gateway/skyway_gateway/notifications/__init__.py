@@ -5,5 +5,5 @@ and serves server-sent events. `fleet_time` publishes the fleet clock.
 
 `webhook` says what a customer's webhook is, how its notifications are signed and when they are
 tried again. `send_webhooks` is the loop: `webhook_store` claims what is due, `post_webhook` checks
-the address that `name_lookups` finds, and sends it there. `replay_store` queues past events again.
+the address and sends it there. `replay_store` queues past events again.
 """

@@ -2,16 +2,17 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
-from sqlalchemy import ColumnElement, and_, delete, exists, insert, select, update
+from sqlalchemy import ColumnElement, and_, delete, exists, func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.ids import EventId, SubjectId, WebhookId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import NotFound
+from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.claims import FREE, claim, is_free
@@ -19,6 +20,7 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.store import owned
+from skyway_gateway.access.usage import UsageQuota
 from skyway_gateway.notifications.secret_store import StoredSecrets
 from skyway_gateway.notifications.webhook import (
     Endpoint,
@@ -304,3 +306,37 @@ def _attempt(row: AnyRow) -> WebhookAttempt:
         detail=row.detail,
         next_try_wall_at=None if next_try_ms is None else ms_to_moment(next_try_ms),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class WebhookQuota:
+    """Refuses webhooks beyond the limit of their customer."""
+
+    db: Database
+    most: int
+
+    async def refuse_too_many(self, tx: Tx, customer_id: SubjectId) -> None:
+        """Go on only if the customer may have one more.
+
+        Raises
+        ------
+        Conflict
+            TOO_MANY_WEBHOOKS.
+        """
+        if await _used(tx.connection, customer_id) >= self.most:
+            raise Conflict(
+                "TOO_MANY_WEBHOOKS", f"the limit is {self.most} webhooks: delete one first"
+            )
+
+    async def usage(self, caller: Caller) -> Sequence[UsageQuota]:
+        """How many webhooks the caller has."""
+        if caller.role != "customer":
+            return ()
+        async with self.db.read() as connection:
+            used = await _used(connection, SubjectId(caller.subject_id))
+        return (UsageQuota(code="TOO_MANY_WEBHOOKS", most=self.most, used=used),)
+
+
+async def _used(connection: AsyncConnection, customer_id: SubjectId) -> int:
+    statement = select(func.count()).where(webhooks.c.customer_id == customer_id)
+    return int((await connection.execute(statement)).scalar_one())

@@ -25,8 +25,7 @@ from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.clients import Composition, Registry
-from skyway_gateway.lateness.lateness_forecast import LatenessForecast
-from skyway_gateway.lateness.promise import due_of, p90_of
+from skyway_gateway.lateness.lateness_forecast import LatenessForecast, due_of, p90_of
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.check_request import NO_PROVIDER, RequestChecks
 from skyway_gateway.quotes.store import OFFER_LIFE_S, Offer, OfferedPackage, Quote

@@ -1,21 +1,18 @@
 """Quotes over REST: offers that a customer may take, within two minutes."""
 
-from typing import Annotated
-
-from fastapi import Depends, Request, Response
+from fastapi import Request, Response
 
 from skyway.ids import QuoteId
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
-from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.sql.database import Database
-from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.routes import KeyCaller
+from skyway_gateway.context import Context
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.make_quote import QuoteMaker, QuoteRequest
 from skyway_gateway.quotes.store import Quote
 
 
-def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRouter:
+def quote_routes(context: Context, *, maker: QuoteMaker) -> ServiceRouter:
     """POST /v1/quotes and GET /v1/quotes/{quote_id}."""
     router = ServiceRouter(tags=("quotes",))
 
@@ -27,7 +24,7 @@ def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRo
     )
     async def create_quote(
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         requested: QuoteRequest,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
@@ -40,13 +37,13 @@ def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRo
         return response_of(await maker.make(caller, requested, call))
 
     @router.get("/v1/quotes/{quote_id}")
-    async def get_quote(quote_id: QuoteId, caller: Annotated[Caller, Depends(gate)]) -> Quote:
+    async def get_quote(quote_id: QuoteId, caller: KeyCaller) -> Quote:
         """Show a quote, and which of its offers was accepted.
 
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             return await store.one_of(connection, caller, quote_id)
 
     return router

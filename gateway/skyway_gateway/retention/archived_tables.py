@@ -7,7 +7,7 @@ from typing import Final
 
 from sqlalchemy import Table, true
 
-from skyway.runtime.archive.archived_table import ArchivedTable
+from skyway.runtime.archive import ArchivedTable
 from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES
 from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
 from skyway_gateway.tables import audit, events, webhook_attempts

@@ -4,7 +4,7 @@ from typing import Final
 
 from sqlalchemy import ColumnElement, Table, func
 
-from skyway.runtime.archive.archived_table import ArchivedTable
+from skyway.runtime.archive import ArchivedTable
 from skyway_composition.tables import (
     alarms,
     better_orders,

@@ -23,31 +23,32 @@ from skyway.contracts.drones import (
 )
 from skyway.contracts.shortlist import CandidateLists, Candidates
 from skyway.ids import NetworkId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.app import internal_body
-from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_provider_registry.candidates.fleet_view import FleetView
-from skyway_provider_registry.candidates.network_drones import count_drones
+from skyway_provider_registry.candidates.fleet_view import FleetView, count_drones
 from skyway_provider_registry.candidates.selection import payload_limit, select_each
+from skyway_provider_registry.context import Context
 from skyway_provider_registry.fleets import store as fleets
 
 
-def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
+def candidate_routes(context: Context, *, view: FleetView) -> ServiceRouter:
     """Candidates, the payload limit, and the drones of a network, under /internal."""
     router = ServiceRouter(tags=("internal",))
 
     async def select_now(queries: Sequence[CandidateQuery]) -> tuple[Candidates, ...]:
         """An answer to each question, all from the same fleets."""
         async with view.unchanged() as fleet:
-            wall_now_ms, now_ms = moment_to_ms(clock.wall_now()), moment_to_ms(clock.now())
+            wall_now_ms, now_ms = (
+                moment_to_ms(context.clock.wall_now()),
+                moment_to_ms(context.clock.now()),
+            )
             return await select_each(queries, fleet, wall_now_ms=wall_now_ms, now_ms=now_ms)
 
     @router.post("/internal/candidates", response_model=Candidates)
     async def find_candidates(
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         query: Annotated[CandidateQuery, Depends(internal_body(CandidateQuery))],
     ) -> Response:
         """The drones that could fly a request now, and why the other providers have none."""
@@ -58,7 +59,7 @@ def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -
 
     @router.post("/internal/candidate-lists", response_model=CandidateLists)
     async def find_candidate_lists(
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         asked: Annotated[CandidateQueries, Depends(internal_body(CandidateQueries))],
     ) -> Response:
         """The drones that could fly each of several requests now, by one state of the fleets."""
@@ -68,7 +69,7 @@ def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -
 
     @router.post("/internal/payload-limit")
     async def find_payload_limit(
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         query: Annotated[PayloadLimitQuery, Depends(internal_body(PayloadLimitQuery))],
     ) -> PayloadLimit:
         """The heaviest payload that any admitted provider's drones can lift, busy or not."""
@@ -77,28 +78,28 @@ def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -
 
     @router.get(NETWORK_DRONES)
     async def count_network_drones(
-        network_id: NetworkId, caller: Annotated[Caller, Depends(gate)]
+        network_id: NetworkId, caller: Annotated[Caller, Depends(context.gate)]
     ) -> NetworkDrones:
         """How many drones of each model stand in a network, and how many could fly now."""
         caller.must_be_service("composition")
         fleet = await view.refreshed()
-        return count_drones(fleet, network_id, wall_now_ms=moment_to_ms(clock.wall_now()))
+        return count_drones(fleet, network_id, wall_now_ms=moment_to_ms(context.clock.wall_now()))
 
     return router
 
 
-def service_state_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
+def service_state_routes(context: Context) -> ServiceRouter:
     """POST /internal/drones-out-of-service."""
     router = ServiceRouter(tags=("internal",))
 
     @router.post(OUT_OF_SERVICE)
     async def find_drones_out_of_service(
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         query: Annotated[OutOfServiceQuery, Depends(internal_body(OutOfServiceQuery))],
     ) -> OutOfServiceAnswer:
         """Which of these drones may not begin a mission, and which get no further missions."""
         caller.must_be_service("composition")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             return await fleets.out_of_service(connection, query.drone_ids)
 
     return router

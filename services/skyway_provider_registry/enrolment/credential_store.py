@@ -22,9 +22,9 @@ from skyway.ids import DroneId
 from skyway.runtime.errors import AccessDenied, Conflict
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
-from skyway_provider_registry import renewal_store
+from skyway_provider_registry import change_store
+from skyway_provider_registry.change_store import RenewalMoment
 from skyway_provider_registry.enrolment import signing_store
-from skyway_provider_registry.renewal_store import RenewalMoment
 from skyway_provider_registry.tables import (
     broker_accounts,
     drone_keys,
@@ -172,7 +172,7 @@ async def bring_into_force(tx: Tx, key_hash: str, moment: RenewalMoment) -> None
         .values(password_hash=row.next_password_hash)
     )
     await signing_store.bring_into_force(tx, DroneId(row.drone_id))
-    await renewal_store.note(tx, DroneId(row.drone_id), moment)
+    await change_store.note(tx, DroneId(row.drone_id), moment)
 
 
 async def remove_keys(tx: Tx, drone_id: DroneId, *, at: datetime) -> None:

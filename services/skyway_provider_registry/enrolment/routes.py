@@ -21,16 +21,16 @@ from skyway.contracts.drones import (
 from skyway.errors import InvalidInput
 from skyway.ids import SubjectId
 from skyway.json_model import WireModel
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.app import internal_body
-from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
+from skyway_provider_registry.change_store import RenewalMoment
+from skyway_provider_registry.context import Context
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.credential_store import PersonKind
 from skyway_provider_registry.enrolment.password_file import PasswordFile
-from skyway_provider_registry.enrolment.stored_keys import StoredKeys
-from skyway_provider_registry.renewal_store import RenewalMoment
+from skyway_provider_registry.enrolment.signing_store import StoredKeys
 
 #: Names of Skyway's own processes, which a customer must not have.
 _RESERVED: Final = SERVICE_ACCOUNTS | {"operator"}
@@ -66,17 +66,15 @@ class _People:
         return Response(status_code=204)
 
 
-def enrolment_routes(
-    *, db: Database, gate: ServiceGate, password_file: PasswordFile
-) -> ServiceRouter:
+def enrolment_routes(context: Context, *, password_file: PasswordFile) -> ServiceRouter:
     """PUT and DELETE of /internal/broker-accounts/... and /internal/operator-accounts/..."""
     router = ServiceRouter(tags=("internal",))
-    people = _People(db, password_file)
+    people = _People(context.db, password_file)
 
     @router.put("/internal/broker-accounts/{user_name}", status_code=204)
     async def put_broker_account(
         user_name: SubjectId,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         requested: Annotated[BrokerPassword, Depends(internal_body(BrokerPassword))],
     ) -> Response:
         """Open a customer's broker account, or give it another password."""
@@ -86,7 +84,7 @@ def enrolment_routes(
 
     @router.delete("/internal/broker-accounts/{user_name}", status_code=204)
     async def delete_broker_account(
-        user_name: SubjectId, caller: Annotated[Caller, Depends(gate)]
+        user_name: SubjectId, caller: Annotated[Caller, Depends(context.gate)]
     ) -> Response:
         """Close a customer's broker account."""
         caller.must_be_service("gateway")
@@ -96,7 +94,7 @@ def enrolment_routes(
     @router.put("/internal/operator-accounts/{name}", status_code=204)
     async def put_operator_account(
         name: SubjectId,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         requested: Annotated[BrokerPassword, Depends(internal_body(BrokerPassword))],
     ) -> Response:
         """Open an operator's broker account, or give it another password."""
@@ -105,7 +103,7 @@ def enrolment_routes(
 
     @router.delete("/internal/operator-accounts/{name}", status_code=204)
     async def delete_operator_account(
-        name: SubjectId, caller: Annotated[Caller, Depends(gate)]
+        name: SubjectId, caller: Annotated[Caller, Depends(context.gate)]
     ) -> Response:
         """Close an operator's broker account."""
         caller.must_be_service("gateway")
@@ -126,26 +124,24 @@ def _operator(name: SubjectId) -> str:
     return user_name
 
 
-def drone_key_routes(
-    *, db: Database, gate: ServiceGate, clock: FleetClock, password_file: PasswordFile
-) -> ServiceRouter:
+def drone_key_routes(context: Context, *, password_file: PasswordFile) -> ServiceRouter:
     """POST /internal/drone-keys."""
     router = ServiceRouter(tags=("internal",))
 
     @router.post("/internal/drone-keys")
     async def find_drone_key(
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         query: Annotated[DroneKeyQuery, Depends(internal_body(DroneKeyQuery))],
     ) -> DroneKeyAnswer:
         """Whose key this is; the first use of a rotated one ends the one before."""
         caller.must_be_service("gateway")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             found = await credential_store.shown_key(connection, query.key_hash)
         if found is None:
             return DroneKeyAnswer(drone_id=None)
         if found.is_next:
-            async with db.write() as tx:
-                moment = RenewalMoment(at=clock.now(), wall_at=clock.wall_now())
+            async with context.db.write() as tx:
+                moment = RenewalMoment(at=context.clock.now(), wall_at=context.clock.wall_now())
                 await credential_store.bring_into_force(tx, query.key_hash, moment)
             await password_file.refresh()
         return DroneKeyAnswer(drone_id=found.drone_id)
@@ -153,13 +149,13 @@ def drone_key_routes(
     return router
 
 
-def drone_signature_routes(*, gate: ServiceGate, keys: StoredKeys) -> ServiceRouter:
+def drone_signature_routes(context: Context, *, keys: StoredKeys) -> ServiceRouter:
     """POST /internal/drone-signatures."""
     router = ServiceRouter(tags=("internal",))
 
     @router.post(DRONE_SIGNATURES)
     async def find_drone_signatures(
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         query: Annotated[DroneSignatureQuery, Depends(internal_body(DroneSignatureQuery))],
     ) -> DroneSignatures:
         """How these drones sign; without any, those whose credentials have just changed."""

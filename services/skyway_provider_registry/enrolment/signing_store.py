@@ -1,17 +1,23 @@
-"""All SQL of the keys with which drones sign their messages."""
+"""The keys with which drones sign their messages, and all their SQL."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
-from typing import Final
+from typing import Annotated, Final
 
+from pydantic import AfterValidator, Field
 from sqlalchemy import Text, bindparam, exists, false, func, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drones import DroneSignature
+from skyway.contracts.signature import PublicKey
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.signing.key_book import CHANGES_NAMED_FOR
+from skyway.runtime.signing.key_pair import public_key_bytes
 from skyway.runtime.sql.connection import AnyRow
-from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms
 from skyway_provider_registry.tables import drone_signing_keys, drones, renewals
@@ -142,3 +148,43 @@ def _signature(row: AnyRow) -> DroneSignature:  # with the columns of `_SIGNATUR
         public_key=row.public_key,
         network_id=row.network_id,
     )
+
+
+def _on_curve(key: str | None) -> str | None:
+    """The key, if it is one; a `ValueError` if it is none."""
+    try:
+        if key is not None:
+            public_key_bytes(key)
+    except InvalidInput as error:
+        raise ValueError(error.detail) from error
+    return key
+
+
+#: The public key of a drone that signs, None of a drone that does not.
+SigningKey = Annotated[
+    PublicKey | None,
+    AfterValidator(_on_curve),
+    Field(
+        description="the drone's Ed25519 public key: its messages are believed only with a valid "
+        "signature from then on. A drone that has signed before cannot leave it out"
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class StoredKeys:
+    """`KeySource` of the database."""
+
+    db: Database
+    clock: FleetClock
+
+    async def of(self, drone_ids: Collection[DroneId]) -> Sequence[DroneSignature]:
+        """How each of these drones signs; one that is not registered is left out."""
+        async with self.db.read() as connection:
+            return await signatures_of(connection, drone_ids)
+
+    async def changed(self) -> Sequence[DroneSignature]:
+        """How the drones sign whose credentials have changed within a minute."""
+        since_wall_at = self.clock.wall_now() - CHANGES_NAMED_FOR
+        async with self.db.read() as connection:
+            return await changed_since(connection, since_wall_at=since_wall_at)

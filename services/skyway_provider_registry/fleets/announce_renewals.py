@@ -12,10 +12,10 @@ from skyway.ids import NetworkId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.database import Database
-from skyway_provider_registry import renewal_store
+from skyway_provider_registry import change_store
+from skyway_provider_registry.change_store import DueRenewal
 from skyway_provider_registry.presence import sighting_store
-from skyway_provider_registry.presence.send_past_silent import Silent, send_past_silent
-from skyway_provider_registry.renewal_store import DueRenewal
+from skyway_provider_registry.presence.announce_alarms import Silent, send_past_silent
 
 #: Wall time after a renewal. The broker has disconnected the earlier credentials by then (0.1 s),
 #: and their last messages are read.
@@ -70,7 +70,7 @@ class RenewalAnnouncer:
     async def _announce_due(self, silent: Silent) -> int:
         until_wall_at = self.clock.wall_now() - _SETTLED_AFTER
         async with self.db.read() as connection:
-            due = await renewal_store.due(
+            due = await change_store.due(
                 connection, until_wall_at=until_wall_at, limit=_MOST_AT_ONCE, without=silent
             )
         by_network: dict[NetworkId, list[DueRenewal]] = defaultdict(list)
@@ -88,4 +88,4 @@ class RenewalAnnouncer:
         await self.announce(Renewals(renewals=renewals), network_id)
         async with self.db.write() as tx:
             await sighting_store.forget_order(tx, [each.drone_id for each in due])
-            await renewal_store.mark_announced(tx, due)
+            await change_store.mark_announced(tx, due)

@@ -17,7 +17,6 @@ from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_provider_registry.battery_tables import batteries, past_installations
 from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.fleets.battery import (
     MOST_INSTALLATIONS,
@@ -28,7 +27,7 @@ from skyway_provider_registry.fleets.battery import (
 )
 from skyway_provider_registry.fleets.drone import FleetDrone
 from skyway_provider_registry.presence import learned_store
-from skyway_provider_registry.tables import drones, presence
+from skyway_provider_registry.tables import batteries, drones, past_installations, presence
 
 #: The most batteries of a provider: several for each drone that it may have. Our own choice.
 MOST_BATTERIES: Final = 100_000

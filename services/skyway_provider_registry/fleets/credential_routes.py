@@ -7,13 +7,14 @@ from fastapi import Depends, Request, Response
 
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
-from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.peer_secrets import secret_hash
-from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.database import Tx
+from skyway_provider_registry.change_store import RenewalMoment
+from skyway_provider_registry.context import Context
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets import store
@@ -29,24 +30,18 @@ from skyway_provider_registry.fleets.issue_credentials import (
     revoke,
     rotate,
 )
-from skyway_provider_registry.renewal_store import RenewalMoment
 
 _DRONE = "/v1/providers/{provider_id}/drones/{drone_id}"
 
 
 def credential_routes(
-    *,
-    db: Database,
-    gate: ServiceGate,
-    clock: FleetClock,
-    password_file: PasswordFile,
-    issuer: Issuer,
+    context: Context, *, password_file: PasswordFile, issuer: Issuer
 ) -> ServiceRouter:
     """POST /v1/enrolments and /rotations, a drone's enrolment tokens, DELETE of credentials."""
     router = ServiceRouter(tags=("enrolment",))
 
     def now() -> RenewalMoment:
-        return RenewalMoment(at=clock.now(), wall_at=clock.wall_now())
+        return RenewalMoment(at=context.clock.now(), wall_at=context.clock.wall_now())
 
     async def answer_once(
         request: Request,
@@ -58,7 +53,7 @@ def credential_routes(
             return Answer(201, (await act(tx)).model_dump_json().encode())
 
         call = await keyed_call(request, asked_by, key)
-        return response_of(await once(db, call, act=shown, clock=clock))
+        return response_of(await once(context.db, call, act=shown, clock=context.clock))
 
     @router.post(
         "/v1/enrolments",
@@ -68,7 +63,7 @@ def credential_routes(
     )
     async def enrol_drone(
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         requested: EnrolmentRequest,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
@@ -79,7 +74,7 @@ def credential_routes(
         caller.must_be_service("gateway")
 
         hashed = secret_hash(requested.enrolment_token)
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             await credential_store.require_token(connection, hashed)
 
         async def act(tx: Tx) -> Enrolment:
@@ -93,7 +88,7 @@ def credential_routes(
     @router.post("/v1/enrolments/rotations", status_code=201, response_model=Credentials)
     async def rotate_drone_credentials(
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         requested: RotationRequest | None = None,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
@@ -106,7 +101,7 @@ def credential_routes(
         async def act(tx: Tx) -> Credentials:
             own = requested or RotationRequest()
             drone_id = DroneId(caller.subject_id)
-            return await rotate(tx, drone_id, own, issuer=issuer, wall_now=clock.wall_now())
+            return await rotate(tx, drone_id, own, issuer=issuer, wall_now=context.clock.wall_now())
 
         return await answer_once(request, str(caller), idempotency_key, act)
 
@@ -115,7 +110,7 @@ def credential_routes(
         provider_id: ProviderId,
         drone_id: DroneId,
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Make another enrolment token; the token before stops, the drone's credentials do not."""
@@ -123,17 +118,17 @@ def credential_routes(
 
         async def act(tx: Tx) -> IssuedToken:
             await store.of_caller(tx.connection, caller, provider_id=provider_id, drone_id=drone_id)
-            return await issue_token(tx, drone_id, wall_now=clock.wall_now())
+            return await issue_token(tx, drone_id, wall_now=context.clock.wall_now())
 
         return await answer_once(request, str(caller), idempotency_key, act)
 
     @router.delete(f"{_DRONE}/credentials", status_code=204)
     async def revoke_drone_credentials(
-        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
+        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(context.gate)]
     ) -> Response:
         """Refuse a drone's credentials from now on; it may enrol again with another token."""
         caller.must_be("operator", "provider")
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             await store.of_caller(tx.connection, caller, provider_id=provider_id, drone_id=drone_id)
             await revoke(tx, drone_id, now())
         await password_file.refresh()

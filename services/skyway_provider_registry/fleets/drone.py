@@ -17,7 +17,7 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import BatteryId, DroneId, DroneModelId, MissionId, NetworkId, ProviderId, StationId
 from skyway.json_model import JsonModel
-from skyway_provider_registry.enrolment.signing_key import SigningKey
+from skyway_provider_registry.enrolment.signing_store import SigningKey
 from skyway_provider_registry.presence.drone_presence import Activity, Presence, condition_of
 from skyway_provider_registry.presence.learning import LearnedDrone
 from skyway_provider_registry.presence.wear import NEVER_FLOWN, DroneMaintenance

@@ -9,10 +9,10 @@ from skyway.errors import InvalidInput
 from skyway.ids import DroneModelId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.answers import conflicts
-from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.sql.database import Database
+from skyway_provider_registry.context import Context
 from skyway_provider_registry.fleets.store import every_model, put_model
 
 
@@ -34,17 +34,17 @@ class DroneModelBody(DroneAbilities):
         return DroneModel(**{**dict(self), "model_id": model_id})
 
 
-def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
+def drone_model_routes(context: Context) -> ServiceRouter:
     """GET /v1/drone-models, GET and PUT /v1/drone-models/{model_id}."""
     router = ServiceRouter(tags=("drone-models",))
 
     @router.get("/v1/drone-models")
     async def list_drone_models(
-        caller: Annotated[Caller, Depends(gate)], query: Annotated[PageQuery, Query()]
+        caller: Annotated[Caller, Depends(context.gate)], query: Annotated[PageQuery, Query()]
     ) -> Page[DroneModel]:
         """List all drone models, by id."""
         after = query.after_id()
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             models = await every_model(connection)
         rest = [one for one in models.values() if after is None or one.model_id > after]
         shown = rest[: query.limit + 1]
@@ -52,10 +52,10 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
 
     @router.get("/v1/drone-models/{model_id}")
     async def get_drone_model(
-        model_id: DroneModelId, caller: Annotated[Caller, Depends(gate)]
+        model_id: DroneModelId, caller: Annotated[Caller, Depends(context.gate)]
     ) -> DroneModel:
         """Show a drone model."""
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             models = await every_model(connection)
         if model_id not in models:
             raise NotFound("drone model", model_id)
@@ -70,7 +70,7 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     )
     async def put_drone_model(
         model_id: DroneModelId,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         requested: DroneModelBody,
         response: Response,
     ) -> DroneModel:
@@ -80,7 +80,7 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         """
         caller.must_be("provider", "operator")
         model = requested.named(model_id)
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             is_new = await put_model(tx, model, caller)
         response.status_code = 201 if is_new else 200
         return model

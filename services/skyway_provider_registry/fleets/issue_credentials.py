@@ -22,13 +22,13 @@ from skyway.runtime.errors import AccessDenied
 from skyway.runtime.peer_secrets import secret_hash
 from skyway.runtime.signing.cloud_key_file import CloudKeyFile
 from skyway.runtime.sql.database import Tx
-from skyway_provider_registry import renewal_store
+from skyway_provider_registry import change_store
+from skyway_provider_registry.change_store import RenewalMoment
 from skyway_provider_registry.enrolment import credential_store, signing_store
-from skyway_provider_registry.enrolment.signing_key import SigningKey
+from skyway_provider_registry.enrolment.signing_store import SigningKey
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.drone import MqttAccount
 from skyway_provider_registry.presence import store as presence
-from skyway_provider_registry.renewal_store import RenewalMoment
 
 #: Characters.
 _LONGEST_TOKEN: Final = 200
@@ -198,7 +198,7 @@ async def enrol(
     )
     await credential_store.put_key(tx, drone_id, key_hash=secret_hash(made.key), at=moment.wall_at)
     await signing_store.put_key(tx, drone_id, requested.public_key)
-    await renewal_store.note(tx, drone_id, moment)
+    await change_store.note(tx, drone_id, moment)
     return Enrolment(
         drone_id=drone_id,
         provider_id=drone.provider_id,
@@ -246,7 +246,7 @@ async def rotate(
 async def revoke(tx: Tx, drone_id: DroneId, moment: RenewalMoment) -> None:
     """Stop the drone's account, key and token, and count the drone as lost."""
     await presence.cut_off(tx, drone_id)
-    await renewal_store.note(tx, drone_id, moment)
+    await change_store.note(tx, drone_id, moment)
     await credential_store.block_account(tx, drone_id, at=moment.wall_at)
     await credential_store.remove_keys(tx, drone_id, at=moment.wall_at)
     await credential_store.remove_token(tx, drone_id)

@@ -11,17 +11,16 @@ from pydantic import Discriminator, Field, Tag
 from skyway.cells import CellClients
 from skyway.contracts.drones import MOST_NEW_DRONES
 from skyway.ids import DroneId, NetworkId, ProviderId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
-from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency_store import Answer, once
-from skyway.runtime.minting import Mint
 from skyway.runtime.signing.cloud_key_file import CloudKeyFile
-from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
+from skyway_provider_registry.context import Context
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets import battery_store, statistics_store, store
@@ -51,13 +50,7 @@ from skyway_provider_registry.providers import store as providers
 
 
 def fleet_routes(
-    *,
-    db: Database,
-    gate: ServiceGate,
-    clock: FleetClock,
-    stations: StationLookup,
-    password_file: PasswordFile,
-    servers: CellClients,
+    context: Context, *, stations: StationLookup, password_file: PasswordFile, servers: CellClients
 ) -> ServiceRouter:
     """GET, PATCH and DELETE of /v1/providers/{provider_id}/drones and /{drone_id}."""
     router = ServiceRouter(tags=("drones",), prefix="/v1/providers/{provider_id}/drones")
@@ -65,17 +58,17 @@ def fleet_routes(
     @router.get("")
     async def list_drones(
         provider_id: ProviderId,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         query: Annotated[PageQuery, Query()],
     ) -> Page[Drone]:
         """List the drones of a provider, by id."""
         caller.must_be("operator", "provider")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             await providers.of_caller(connection, caller, provider_id=provider_id)
             drones = await store.page_of_caller(
                 connection, caller, provider_id=provider_id, query=query
             )
-        wall_now = clock.wall_now()
+        wall_now = context.clock.wall_now()
         return page_of(
             drones,
             query,
@@ -85,26 +78,26 @@ def fleet_routes(
 
     @router.get("/{drone_id}")
     async def get_drone(
-        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
+        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(context.gate)]
     ) -> Drone:
         """Show a drone and its present state; a drone sees itself."""
         caller.must_be("operator", "provider", "drone")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             drone = await store.of_caller(
                 connection, caller, provider_id=provider_id, drone_id=drone_id
             )
-        return drone.shown(clock.wall_now())
+        return drone.shown(context.clock.wall_now())
 
     @router.patch("/{drone_id}", responses=conflicts("OTHER_CELL", "REGISTRATION_TAKEN"))
     async def update_drone(
         provider_id: ProviderId,
         drone_id: DroneId,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         requested: DroneChange,
     ) -> Drone:
         """Change a drone's own data, or take it out of service and back."""
         caller.must_be("operator", "provider")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             provider = await providers.of_caller(connection, caller, provider_id=provider_id)
             drone = await store.of_caller(
                 connection, caller, provider_id=provider_id, drone_id=drone_id
@@ -112,7 +105,7 @@ def fleet_routes(
         values = await changed_columns(
             requested, stations, model=drone.model, tariff=provider.tariff
         )
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             if "network_id" in values:
                 before = await store.of_caller(
                     tx.connection, caller, provider_id=provider_id, drone_id=drone_id
@@ -130,33 +123,33 @@ def fleet_routes(
             drone = await store.of_caller(
                 tx.connection, caller, provider_id=provider_id, drone_id=drone_id
             )
-        return drone.shown(clock.wall_now())
+        return drone.shown(context.clock.wall_now())
 
     @router.delete("/{drone_id}/learned-values", status_code=204)
     async def forget_learned_values(
-        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
+        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(context.gate)]
     ) -> Response:
         """Forget what flights have shown about a drone; its registered battery keeps its health."""
         caller.must_be("operator", "provider")
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             await store.change(tx, caller, provider_id=provider_id, drone_id=drone_id, values={})
             await learned_store.forget(tx, drone_id)
         return Response(status_code=204)
 
     @router.delete("/{drone_id}", status_code=204, responses=conflicts("ON_MISSION"))
     async def delete_drone(
-        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
+        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(context.gate)]
     ) -> Response:
         """Remove a drone that is on no mission, and its broker account."""
         caller.must_be("operator", "provider")
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             await touch(tx, drone_id)
             drone = await store.of_caller(
                 tx.connection, caller, provider_id=provider_id, drone_id=drone_id
             )
             battery_store.refuse_on_mission(drone)
-            await battery_store.free(tx, drone_id, at=clock.now())
-            await credential_store.remove_keys(tx, drone_id, at=clock.wall_now())
+            await battery_store.free(tx, drone_id, at=context.clock.now())
+            await credential_store.remove_keys(tx, drone_id, at=context.clock.wall_now())
             await store.remove(tx, caller, provider_id=provider_id, drone_id=drone_id)
             await credential_store.remove_account(tx, drone_id)
         await password_file.refresh()
@@ -165,27 +158,29 @@ def fleet_routes(
     return router
 
 
-def fleet_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
+def fleet_statistics_routes(context: Context) -> ServiceRouter:
     """GET /v1/stats/fleets."""
     router = ServiceRouter(tags=("statistics",))
 
     @router.get("/v1/stats/fleets")
-    async def get_fleet_statistics(caller: Annotated[Caller, Depends(gate)]) -> FleetStatistics:
+    async def get_fleet_statistics(
+        caller: Annotated[Caller, Depends(context.gate)],
+    ) -> FleetStatistics:
         """Count the drones in each state, and measure how late their messages arrive.
 
         Also shows when the next busy drone is free.
         """
         caller.must_be("provider", "operator")
         provider_id = ProviderId(caller.subject_id) if caller.role == "provider" else None
-        now, since_ms = clock.now(), moment_to_ms(clock.wall_now() - SILENCE)
-        async with db.read() as connection:
+        now, since_ms = context.clock.now(), moment_to_ms(context.clock.wall_now() - SILENCE)
+        async with context.db.read() as connection:
             rows = await statistics_store.groups(
                 connection, provider_id, received_since_wall_ms=since_ms
             )
             next_free_ms = await statistics_store.next_free_ms(
                 connection, provider_id, now_ms=moment_to_ms(now)
             )
-        return totals(rows, at=now, rate=clock.rate, next_free_ms=next_free_ms)
+        return totals(rows, at=now, rate=context.clock.rate, next_free_ms=next_free_ms)
 
     return router
 
@@ -207,11 +202,8 @@ NewDrones = Annotated[
 
 
 def registration_routes(
+    context: Context,
     *,
-    db: Database,
-    gate: ServiceGate,
-    clock: FleetClock,
-    mint: Mint,
     stations: StationLookup,
     password_file: PasswordFile,
     limit: DroneLimit,
@@ -223,7 +215,7 @@ def registration_routes(
     async def prepared(
         new_drones: list[NewDrone], *, caller: Caller, provider_id: ProviderId, raw: bytes
     ) -> PreparedDrones:
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             provider = await providers.of_caller(connection, caller, provider_id=provider_id)
             models = await every_model(connection)
         check = await stations.check(drone.home_station_id for drone in new_drones)
@@ -236,8 +228,8 @@ def registration_routes(
             provider_id=provider_id,
             models=models,
             stations=check,
-            mint=mint,
-            clock=clock,
+            mint=context.mint,
+            clock=context.clock,
             cloud_keys=cloud_keys.read(),
             hash_password=password_file.hash_password,
         )
@@ -253,7 +245,7 @@ def registration_routes(
     async def register_drones(
         provider_id: ProviderId,
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         wanted: NewDrones,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
@@ -275,7 +267,7 @@ def registration_routes(
             return answer
 
         call = await keyed_call(request, caller, idempotency_key)
-        given = await once(db, call, act=act, clock=clock)
+        given = await once(context.db, call, act=act, clock=context.clock)
         await password_file.refresh()
         return response_of(given)
 

@@ -1,6 +1,7 @@
 """All SQL of the fleets and of drone models; a query finds only drones that its caller may see."""
 
 from collections.abc import Collection, Mapping, Sequence
+from datetime import datetime
 from typing import Final
 
 from sqlalchemy import ColumnElement, delete, func, select, true, update
@@ -19,7 +20,7 @@ from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.change_store import mark_removal
-from skyway_provider_registry.fleets.drone import FleetDrone
+from skyway_provider_registry.fleets.drone import Drone, DroneStateName, FleetDrone
 from skyway_provider_registry.presence.learned_store import LEARNED_COLUMNS, shown, with_learned
 from skyway_provider_registry.presence.maintenance_store import maintenance_of
 from skyway_provider_registry.presence.store import (
@@ -314,3 +315,32 @@ async def out_of_service(
         drone_ids=tuple(each for each in drone_ids if each not in due_since_ms),
         due_drone_ids=tuple(each for each in drone_ids if due_since_ms.get(each) is not None),
     )
+
+
+#: Drones that are read together while those of one state are searched.
+_READ_TOGETHER: Final = 500
+
+
+async def page(
+    connection: AsyncConnection,
+    query: PageQuery,
+    *,
+    provider_id: ProviderId | None,
+    state: DroneStateName | None,
+    wall_now: datetime,
+) -> Sequence[Drone]:
+    """Up to limit + 1 drones, sorted by id.
+
+    The state of a drone is not stored but decided here, so drones in other states are read, too.
+    """
+    after = query.after_id()
+    together = query.limit + 1 if state is None else _READ_TOGETHER
+    found: list[Drone] = []
+    while len(found) <= query.limit:
+        read = await page_of_all(connection, provider_id=provider_id, after=after, limit=together)
+        shown = [drone.shown(wall_now) for drone in read]
+        found += [drone for drone in shown if state in (None, drone.state)]
+        if len(read) < together:
+            break
+        after = read[-1].drone_id
+    return found[: query.limit + 1]

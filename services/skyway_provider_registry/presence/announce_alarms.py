@@ -1,5 +1,9 @@
-"""Passes the alarms about drones on to composition, which shows all alarms."""
+"""Passes the alarms about drones on to composition, which shows all alarms.
 
+Waiting messages go past the servers of composition that do not answer.
+"""
+
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,7 +13,33 @@ from skyway.ids import NetworkId
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.presence import jump_store
-from skyway_provider_registry.presence.send_past_silent import Silent, send_past_silent
+
+#: The networks whose servers do not answer, each with the error.
+Silent = dict[NetworkId, ServiceUnavailable]
+
+
+async def send_past_silent(send: Callable[[Silent], Awaitable[int]], *, most: int) -> bool:
+    """Send messages for several servers; messages for a silent server keep back no others.
+
+    `send` looks for at most `most` messages whose network is not in the dictionary, and sends them.
+    It adds each network whose server does not answer, and returns how many messages it found. The
+    result is whether there may be more messages.
+
+    Raises
+    ------
+    ServiceUnavailable
+        A server does not answer; the messages for its networks wait.
+    """
+    silent: Silent = {}
+    while True:
+        before = len(silent)
+        found = await send(silent)
+        if found < most or len(silent) == before:
+            break  # else there may be other messages behind those for a silent server
+    for first in silent.values():
+        raise first
+    return found == most
+
 
 #: The most alarms of one step.
 _MOST_AT_ONCE: Final = 20

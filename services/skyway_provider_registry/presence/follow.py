@@ -18,7 +18,7 @@ from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE
 from skyway.runtime.mqtt.moments import earliest_believed, latest_believed
 from skyway.runtime.sql.database import Database, Tx
-from skyway_provider_registry import renewal_store
+from skyway_provider_registry import change_store
 from skyway_provider_registry.presence.judge_states import (
     Judgement,
     StateJudge,
@@ -157,7 +157,7 @@ class Recorder:
         if not retained:
             return batch
         async with self.db.read() as connection:
-            renewed = await renewal_store.renewed_at(connection, retained)
+            renewed = await change_store.renewed_at(connection, retained)
         # Its sender may have said that it is from the near future.
         margin = latest_believed(self.clock) - self.clock.now()
         return [

@@ -17,7 +17,6 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_provider_registry.battery_tables import batteries
 from skyway_provider_registry.presence.learning import (
     Learned,
     LearnedDrone,
@@ -25,7 +24,7 @@ from skyway_provider_registry.presence.learning import (
     why_maintenance,
 )
 from skyway_provider_registry.presence.sighting_store import ReceptionTime
-from skyway_provider_registry.tables import drones, learned_values, mission_hints
+from skyway_provider_registry.tables import batteries, drones, learned_values, mission_hints
 
 #: The least fleet time between two observations of a drone that count, by the registry's clock.
 #: A flight to the next station takes longer, but a drone could report a landing each second

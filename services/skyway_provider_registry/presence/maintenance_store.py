@@ -13,7 +13,6 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_provider_registry.battery_tables import maintenance_rules
 from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.presence.jump_store import keep_waiting
 from skyway_provider_registry.presence.store import touch
@@ -24,7 +23,7 @@ from skyway_provider_registry.presence.wear import (
     Wear,
     maintenance_alarm,
 )
-from skyway_provider_registry.tables import drones, presence
+from skyway_provider_registry.tables import drones, maintenance_rules, presence
 
 #: What a drone has flown and used since its last maintenance.
 _flown_s = presence.c.flown_s - drones.c.maintained_flown_s

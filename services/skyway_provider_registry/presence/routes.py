@@ -11,25 +11,24 @@ from skyway.contracts.mission_reports import (
     MissionReport,
     MissionReports,
 )
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.app import internal_body
-from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.sql.database import Database
+from skyway_provider_registry.context import Context
 from skyway_provider_registry.presence.store import store_reports
 
 
-def presence_routes(*, db: Database, clock: FleetClock, gate: ServiceGate) -> ServiceRouter:
+def presence_routes(context: Context) -> ServiceRouter:
     """POST /internal/mission-reports and /internal/mission-reports/many."""
     router = ServiceRouter(tags=("internal",))
 
     async def store(reports: Sequence[MissionReport]) -> None:
-        async with db.write() as tx:
-            await store_reports(tx, reports, wall_at=clock.wall_now())
+        async with context.db.write() as tx:
+            await store_reports(tx, reports, wall_at=context.clock.wall_now())
 
     @router.post(MISSION_REPORTS, status_code=204)
     async def receive_mission_report(
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         report: Annotated[MissionReport, Depends(internal_body(MissionReport))],
     ) -> Response:
         """Note that a drone is busy or free; repeated reports are ignored."""
@@ -39,7 +38,7 @@ def presence_routes(*, db: Database, clock: FleetClock, gate: ServiceGate) -> Se
 
     @router.post(MANY_MISSION_REPORTS, status_code=204)
     async def receive_mission_reports(
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         reports: Annotated[MissionReports, Depends(internal_body(MissionReports))],
     ) -> Response:
         """Note of several drones that they are busy or free."""

@@ -7,16 +7,15 @@ from fastapi import Depends, Query, Request, Response
 from skyway.delivery.offer import Tariff
 from skyway.errors import InvalidInput
 from skyway.ids import ProviderId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import AccessDenied
 from skyway.runtime.http.answers import IdempotencyKey, keyed_call, response_of
-from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency_store import Answer, once
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_provider_registry.context import Context
 from skyway_provider_registry.homes import StationLookup, currency_fault
 from skyway_provider_registry.providers import store
 from skyway_provider_registry.providers.provider import (
@@ -27,14 +26,12 @@ from skyway_provider_registry.providers.provider import (
 )
 
 
-def provider_routes(
-    *, db: Database, gate: ServiceGate, clock: FleetClock, mint: Mint, stations: StationLookup
-) -> ServiceRouter:
+def provider_routes(context: Context, *, stations: StationLookup) -> ServiceRouter:
     """POST and GET /v1/providers, GET and PATCH /v1/providers/{provider_id}."""
     router = ServiceRouter(tags=("providers",))
 
     async def _refuse_other_currency(tariff: Tariff, provider_id: ProviderId) -> None:
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             homes = await store.homes(connection, provider_id)
         if not homes:
             return
@@ -46,14 +43,14 @@ def provider_routes(
     @router.post("/v1/providers", status_code=201, response_model=Provider)
     async def create_provider(
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         requested: NewProvider,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Register a provider."""
         caller.must_be("operator")
         provider = Provider(
-            provider_id=ProviderId(mint("prv")),
+            provider_id=ProviderId(context.mint("prv")),
             name=requested.name,
             tariff=requested.tariff,
             terms=requested.terms,
@@ -61,7 +58,7 @@ def provider_routes(
             loading=requested.loading,
             standby=requested.standby,
             # What is answered now is what is read later: the table keeps milliseconds.
-            created_at=ms_to_moment(moment_to_ms(clock.now())),
+            created_at=ms_to_moment(moment_to_ms(context.clock.now())),
         )
 
         async def keep(tx: Tx) -> Answer:
@@ -70,15 +67,15 @@ def provider_routes(
             return Answer(201, provider.model_dump_json().encode(), location)
 
         call = await keyed_call(request, caller, idempotency_key)
-        return response_of(await once(db, call, act=keep, clock=clock))
+        return response_of(await once(context.db, call, act=keep, clock=context.clock))
 
     @router.get("/v1/providers")
     async def list_providers(
-        caller: Annotated[Caller, Depends(gate)], query: Annotated[PageQuery, Query()]
+        caller: Annotated[Caller, Depends(context.gate)], query: Annotated[PageQuery, Query()]
     ) -> Page[Provider] | Page[ProviderCard]:
         """List providers: all for operators, its own for a provider, cards for customers."""
         caller.must_be("operator", "provider", "customer")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             if caller.role == "customer":
                 every = await store.page_of_all(connection, query)
                 cards = page_of(every, query, item=_card, sort_key=_sort_key)
@@ -90,18 +87,20 @@ def provider_routes(
 
     @router.get("/v1/providers/{provider_id}")
     async def get_provider(
-        provider_id: ProviderId, caller: Annotated[Caller, Depends(gate)]
+        provider_id: ProviderId, caller: Annotated[Caller, Depends(context.gate)]
     ) -> Provider | ProviderCard:
         """Show a provider; customers see its name and tariff."""
         caller.must_be("operator", "provider", "customer")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             if caller.role == "customer":
                 return (await store.by_id(connection, provider_id)).card
             return await store.of_caller(connection, caller, provider_id=provider_id)
 
     @router.patch("/v1/providers/{provider_id}")
     async def update_provider(
-        provider_id: ProviderId, caller: Annotated[Caller, Depends(gate)], requested: ProviderChange
+        provider_id: ProviderId,
+        caller: Annotated[Caller, Depends(context.gate)],
+        requested: ProviderChange,
     ) -> Provider:
         """Change a provider's own data; only operators change `state`."""
         caller.must_be("operator", "provider")
@@ -109,7 +108,7 @@ def provider_routes(
             raise AccessDenied("only an operator changes a provider's state")
         if requested.tariff is not None:
             await _refuse_other_currency(requested.tariff, provider_id)
-        async with db.write() as tx:
+        async with context.db.write() as tx:
             await store.change(tx, caller, provider_id=provider_id, changes=requested)
             return await store.of_caller(tx.connection, caller, provider_id=provider_id)
 

@@ -10,11 +10,11 @@ from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.http.answers import GeoJsonResponse
-from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.openapi_document import schema_of
 from skyway.runtime.http.paging import Page
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.sql.database import Database
+from skyway_provider_registry.context import Context
 from skyway_provider_registry.fleets import store as fleets
 from skyway_provider_registry.telemetry.page import (
     GEOJSON,
@@ -82,7 +82,7 @@ _ANSWERS: Final[dict[int | str, dict[str, Any]]] = {
 }
 
 
-def telemetry_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
+def telemetry_routes(context: Context) -> ServiceRouter:
     """GET /v1/providers/{provider_id}/drones/{drone_id}/telemetry."""
     router = ServiceRouter(tags=("drones",))
 
@@ -94,15 +94,15 @@ def telemetry_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     async def get_drone_telemetry(
         provider_id: ProviderId,
         drone_id: DroneId,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: Annotated[Caller, Depends(context.gate)],
         query: Annotated[TelemetryQuery, Query()],
         accept: Annotated[str, Header()] = "",
     ) -> Response:
         """List what a drone measured, the oldest first: samples or minutes, JSON or GeoJSON."""
         caller.must_be("operator", "provider", "drone")
-        async with db.read() as connection:
+        async with context.db.read() as connection:
             await fleets.of_caller(connection, caller, provider_id=provider_id, drone_id=drone_id)
-        page = await page_of_telemetry(db, drone_id, query)
+        page = await page_of_telemetry(context.db, drone_id, query)
         if query.format == "geojson" or (query.format is None and GEOJSON in accept):
             return GeoJsonResponse(feature_collection(drone_id, page))
         # As bytes: FastAPI would check each of thousands of rows again.

@@ -26,7 +26,7 @@ from sqlalchemy import and_, exists, func, or_, select
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.mission import Cancellation
 from skyway.geo import Position, distance_m
-from skyway_verifier.composition.shares import owners
+from skyway_verifier.composition.calendars import owners
 from skyway_verifier.composition.steps import step_json
 from skyway_verifier.finders import each_where, readable, rows_where
 from skyway_verifier.rule import Rule, Survey

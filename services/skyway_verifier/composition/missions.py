@@ -23,7 +23,7 @@ from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.mission_reports import MissionReport
-from skyway_verifier.composition.shares import shares_of
+from skyway_verifier.composition.calendars import shares_of
 from skyway_verifier.finders import any_of, differs, ms_of, readable, repeats, rows_where
 from skyway_verifier.rule import Rule, Survey
 from skyway_verifier.storage_rules import later_than

@@ -13,7 +13,7 @@ from skyway_gateway.access.audit_store import UNKNOWN, entry_hash
 from skyway_gateway.access.audit_trail import TRACKING_LINK
 from skyway_gateway.access.keys import FIRST_HOLDERS
 from skyway_gateway.access.login_codes import CODE_LASTS
-from skyway_gateway.access.session_routes import SESSION_LASTS
+from skyway_gateway.access.session_store import SESSION_LASTS
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.tables import (
     api_keys,

@@ -13,7 +13,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     Proof,
 )
 from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
-from skyway_gateway.lateness.promise import due_of
+from skyway_gateway.lateness.lateness_forecast import due_of
 from skyway_gateway.lateness.store import IS_DUE_AS_PROMISED
 from skyway_gateway.tables import events
 from sqlalchemy import ColumnElement, and_, exists, func, not_, or_, select

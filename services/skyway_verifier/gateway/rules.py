@@ -1,11 +1,13 @@
-"""All rules of the gateway's database."""
+"""All rules of the gateway's database, and its facts for the rules across services."""
 
 import json
+from collections import defaultdict
+from collections.abc import AsyncIterator, Mapping
 from typing import Final
 
 from pydantic import AnyHttpUrl, TypeAdapter
 from skyway_gateway.access.scopes import Scope
-from skyway_gateway.deliveries.lifecycle.delivery import Proof
+from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES, Proof
 from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission, Refusal
 from skyway_gateway.delivery_tables import deliveries, missions, packages
 from skyway_gateway.notifications.secret_store import read_previous
@@ -24,6 +26,7 @@ from skyway_gateway.tables import (
     sessions,
     webhooks,
 )
+from sqlalchemy import func, select
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event import DeliveryEvent
@@ -31,17 +34,27 @@ from skyway.contracts.mission import OfferLimits
 from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.request import DeliveryRequest
 from skyway.geo import Position
+from skyway_verifier.facts import (
+    CopyFacts,
+    DeliveryFacts,
+    Facts,
+    MissionFacts,
+    PackageFacts,
+    stations_hash,
+)
 from skyway_verifier.gateway.calls import API_KEYS, CALLS
 from skyway_verifier.gateway.deliveries import DELIVERIES, MISSIONS, OFFERS
 from skyway_verifier.gateway.events import EVENTS, NOTIFICATIONS
-from skyway_verifier.gateway.packages import PACKAGES
-from skyway_verifier.rule import Rule
+from skyway_verifier.gateway.packages import PACKAGES, package_stories
+from skyway_verifier.rule import Rule, Survey
 from skyway_verifier.storage_rules import (
+    form_rule,
     outbox_rules,
+    read_fernet_token,
+    read_sha256,
     replica_rule,
     storage_rules,
 )
-from skyway_verifier.stored_forms import form_rule, read_fernet_token, read_sha256
 
 _POSITION: Final = TypeAdapter(Position).validate_json
 _REASONS: Final = TypeAdapter(tuple[ProviderReason, ...]).validate_json
@@ -90,3 +103,68 @@ RULES: Final[tuple[Rule, ...]] = (
     *CALLS,
     *API_KEYS,
 )
+
+
+async def read_facts(survey: Survey) -> Facts:
+    """The facts of the gateway's database."""
+    of_providers = api_keys.c.role == "provider", api_keys.c.deleted_wall_ms.is_(None)
+    keys = await survey.rows(select(api_keys.c.subject_id).where(*of_providers).distinct())
+    return Facts(
+        deliveries=await _deliveries(survey),
+        providers={row.subject_id: row.subject_id for row in keys},
+        copies={each.key: each async for each in _copies(survey)},
+    )
+
+
+async def _deliveries(survey: Survey) -> Mapping[str, DeliveryFacts]:
+    flown, carried = await _missions(survey), await _packages(survey)
+    to_composition = select(outbox.c.stream, func.count()).where(outbox.c.channel == "composition")
+    waiting = dict(
+        [tuple(row) for row in await survey.rows(to_composition.group_by(outbox.c.stream))]
+    )
+    names = "delivery_id", "state", "is_queued", "cancel_reason", "is_leaving"
+    return {
+        row.delivery_id: DeliveryFacts(
+            row.delivery_id,
+            is_over=(is_over := row.state in TERMINAL_STATES),
+            is_queued=row.is_queued or (row.cancel_reason is not None and not is_over),
+            is_leaving=row.is_leaving,
+            waiting_messages=waiting.get(row.delivery_id, 0),
+            missions=tuple(flown.get(row.delivery_id, ())),
+            packages=carried.get(row.delivery_id, {}),
+        )
+        async for row in survey.each(select(*(deliveries.c[name] for name in names)))
+    }
+
+
+async def _missions(survey: Survey) -> Mapping[str, list[MissionFacts]]:
+    found: dict[str, list[MissionFacts]] = defaultdict(list)
+    async for row in survey.each(select(missions)):
+        mission = MissionFacts(
+            *(row.mission_id, row.attempt, row.trip, row.provider_id, row.drone_id, row.state),
+            price=(row.price_amount, row.currency),
+            report_seq=row.report_seq,
+        )
+        found[row.delivery_id].append(mission)
+    return found
+
+
+async def _packages(survey: Survey) -> Mapping[str, dict[str, PackageFacts]]:
+    """By delivery: its packages with their custodians."""
+    found: dict[str, dict[str, PackageFacts]] = defaultdict(dict)
+    for (delivery_id, package_id), story in (await survey.once(package_stories)).items():
+        links = ((*link, story.row.mission_id) for link in story.links)
+        found[delivery_id][package_id] = PackageFacts.of(links)
+    return found
+
+
+async def _copies(survey: Survey) -> AsyncIterator[CopyFacts]:
+    async for row in survey.each(select(known_networks)):
+        stations = NetworkStations.read(row.stations)
+        places = zip(stations.station_ids, stations.positions, strict=True)
+        text = stations_hash((each, *position) for each, position in places)
+        yield CopyFacts(f"network {row.network_id}", max(row.version, stations.version), text)
+    async for row in survey.each(select(quotes).where(quotes.c.hold_id.is_not(None))):
+        yield CopyFacts(f"hold {row.hold_id}", text=row.customer_id)
+    async for row in survey.each(select(packages).where(packages.c.promised_ms.is_not(None))):
+        yield CopyFacts(f"promise {row.delivery_id}/{row.package_id}", row.promised_ms)

@@ -3,20 +3,18 @@
 import sys
 from typing import Final
 
-from skyway_provider_registry.battery_tables import (
-    batteries,
-    maintenance_rules,
-    past_installations,
-)
 from skyway_provider_registry.fleets.issue_credentials import TOKEN_LIFE
 from skyway_provider_registry.presence.maintenance_store import IS_OVER_LIMIT
 from skyway_provider_registry.tables import (
+    batteries,
     broker_accounts,
     drone_keys,
     drone_signing_keys,
     drones,
     enrolment_tokens,
     learned_values,
+    maintenance_rules,
+    past_installations,
     presence,
     renewals,
     telemetry_minutes,

@@ -40,8 +40,13 @@ from skyway_verifier.facts import CopyFacts, Facts, HintFacts
 from skyway_verifier.finders import any_of
 from skyway_verifier.registry.drones import DRONE_RULES, is_outside
 from skyway_verifier.rule import Rule, Survey
-from skyway_verifier.storage_rules import replica_rule, storage_rules
-from skyway_verifier.stored_forms import form_rule, read_fernet_token, read_sha256
+from skyway_verifier.storage_rules import (
+    form_rule,
+    read_fernet_token,
+    read_sha256,
+    replica_rule,
+    storage_rules,
+)
 
 _is_drone_account = broker_accounts.c.kind == "DRONE"
 

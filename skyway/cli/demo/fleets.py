@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from skyway.cli.gateway import GatewayApi
-from skyway.runtime.signing.fleet_keys import FleetKeys
+from skyway.runtime.signing.key_pair import FleetKeys
 
 NETWORK_ID: Final = "texas-corridor"
 

@@ -151,7 +151,7 @@ def _register(folder: DataFolder, provider: str | None, new_drones: list[dict[st
     A new provider whose drones are refused is suspended, because it cannot fly. It stays: the API
     deletes no providers, so the message says how to use it.
     """
-    from skyway.runtime.signing.fleet_keys import FleetKeys  # other commands start without it
+    from skyway.runtime.signing.key_pair import FleetKeys  # other commands start without it
 
     keys = FleetKeys(new_drones)
     owner = provider or f"/v1/providers/{_new_provider(folder)}"

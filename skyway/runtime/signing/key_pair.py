@@ -3,7 +3,8 @@
 import base64
 import binascii
 import os
-from typing import Final
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
 
 from nacl.bindings import (
     crypto_core_ed25519_is_valid_point,
@@ -14,6 +15,7 @@ from nacl.bindings import (
 )
 from nacl.exceptions import BadSignatureError
 
+from skyway.contracts.drones import MOST_NEW_DRONES
 from skyway.contracts.signature import head_of, payload_with, signed_bytes, split
 from skyway.errors import InvalidInput
 
@@ -92,3 +94,30 @@ def _bytes_of(text: str, field: str) -> bytes:
     if len(key) != _KEY_BYTES:
         raise InvalidInput(field, "is not 32 bytes in base64url without padding")
     return key
+
+
+class FleetKeys:
+    """A key pair for each drone: public keys go to the registry, private keys into the fleet file.
+
+    The values of JSON objects are Any.
+    """
+
+    def __init__(self, drones: Sequence[Mapping[str, Any]]) -> None:
+        self._drones = drones
+        self._keys = [PrivateKey.new() for _ in drones]
+
+    @property
+    def bodies(self) -> list[dict[str, Any]]:
+        """The drones as they are registered, each with its public key."""
+        pairs = zip(self._drones, self._keys, strict=True)
+        return [{**drone, "public_key": key.public_key} for drone, key in pairs]
+
+    def batches(self) -> Iterator[list[dict[str, Any]]]:
+        """The same in as many lists as calls are needed to register them."""
+        for first in range(0, len(self._drones), MOST_NEW_DRONES):
+            yield self.bodies[first : first + MOST_NEW_DRONES]
+
+    def kept(self, registered: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+        """The answer to the registration, in its order, each drone with its private key."""
+        pairs = zip(registered, self._keys, strict=True)
+        return [{**drone, "signing_key": key.text} for drone, key in pairs]

@@ -7,7 +7,7 @@ from typing import Any
 from pyarrow.parquet import read_table
 from skyway_composition.retention.archived_tables import ARCHIVED
 
-from skyway.runtime.archive.export import Export
+from skyway.runtime.archive import Export
 
 
 async def test_missions_that_are_over_are_archived_with_their_parts(

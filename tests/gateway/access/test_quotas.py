@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from skyway_gateway.access.usage import DroneUsage
 from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
-from skyway_gateway.notifications.webhook_quota_store import WebhookQuota
+from skyway_gateway.notifications.webhook_store import WebhookQuota
 from sqlalchemy import text
 
 from skyway.ids import SubjectId

@@ -7,8 +7,8 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_gateway.access.keys_in_use import KeysInUse
-from skyway_gateway.access.refused_logins import MOST_A_MINUTE, RefusedLogins
+from skyway_gateway.access.audit_trail import MOST_A_MINUTE, RefusedLogins
+from skyway_gateway.access.recognise import KeysInUse
 
 from skyway.ids import KeyId
 from skyway.runtime.errors import ServiceUnavailable

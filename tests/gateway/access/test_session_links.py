@@ -8,9 +8,9 @@ from typing import Any
 
 import httpx
 import pytest
-from skyway_gateway.access import session_link_store
+from skyway_gateway.access import session_store
 from skyway_gateway.access.login_codes import CODE_LASTS, LoginCodes
-from skyway_gateway.access.session_link_store import MOST_LINKS_PER_KEY
+from skyway_gateway.access.session_store import MOST_LINKS_PER_KEY
 from skyway_gateway.tables import session_links
 from sqlalchemy import select
 
@@ -58,8 +58,8 @@ async def test_a_link_begins_a_session_of_its_key(gateway_on_both: Gateway) -> N
     assert answer.json() == {"role": "provider", "subject_id": "prv_1", "scopes": None}
     cookie, *attributes = answer.headers["set-cookie"].split("; ")
     assert {"HttpOnly", "Path=/", "SameSite=strict"} <= set(attributes)
-    shown = await gateway.http.get(CURRENT, headers={"Cookie": cookie})
-    assert shown.json() == answer.json()
+    shown_by_link = await gateway.http.get(CURRENT, headers={"Cookie": cookie})
+    assert shown_by_link.json() == answer.json()
 
 
 async def test_a_link_works_once(gateway: Gateway) -> None:
@@ -264,7 +264,7 @@ async def test_links_are_deleted_when_they_have_expired(gateway: Gateway) -> Non
     kept = await linked(gateway, gateway.customer)
 
     async with gateway.parts.db.write() as tx:
-        await session_link_store.delete_expired(tx, before=gateway.clock.wall_now())
+        await session_store.delete_expired_links(tx, before=gateway.clock.wall_now())
 
     assert len(await rows(gateway)) == 1
     assert (await log_in(gateway, kept)).status_code == 201

@@ -10,8 +10,7 @@ from typing import Any
 import httpx
 import pytest
 from skyway_gateway.access.scopes import NEEDS_KEY
-from skyway_gateway.access.session_routes import SESSION_LASTS
-from skyway_gateway.access.session_store import MOST_PER_KEY
+from skyway_gateway.access.session_store import MOST_PER_KEY, SESSION_LASTS
 from skyway_gateway.tables import sessions
 from sqlalchemy import select
 

@@ -12,8 +12,7 @@ from typing import Any, Final
 
 import pytest
 from skyway_gateway.access.scopes import SCOPES
-from skyway_gateway.console.base_map import BaseMap
-from skyway_gateway.console.console_files import console_files, import_map_hash
+from skyway_gateway.console.console_files import BaseMap, console_files, import_map_hash
 
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.network.bundled import texas_corridor

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from fastapi import FastAPI
 from playwright.sync_api import Browser, Page, expect
-from skyway_gateway.console.base_map import BaseMap
+from skyway_gateway.console.console_files import BaseMap
 from skyway_gateway.console.page_routes import console_routes
 
 from tests.end_to_end.browser import needs_browser, serious_problems

@@ -3,7 +3,7 @@
 import logging
 from pathlib import Path
 
-from skyway_gateway.console.small_world import SmallWorld
+from skyway_gateway.console.system_routes import SmallWorld
 
 from skyway.contracts.figures import FIGURES, Figure, Figures
 from skyway.runtime.http.metrics_routes import figures_of

@@ -4,7 +4,7 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
-from skyway_gateway.forward.merged_lists import ListOrder, merged_counts, merged_page
+from skyway_gateway.forward.cell_routes import ListOrder, merged_counts, merged_page
 
 from skyway.runtime.http.paging import decode_cursor, encode_cursor
 

@@ -5,7 +5,7 @@ from datetime import datetime, timedelta
 from typing import Any
 
 import pytest
-from skyway_gateway.deliveries.reading.promises import promises_of
+from skyway_gateway.deliveries.reading.statistics import promises_of
 from skyway_gateway.delivery_tables import packages
 from skyway_gateway.gauges import GatewayGauges
 from skyway_gateway.lateness.store import MOST_OF_PROVIDER, KeptPromises, delivered_since

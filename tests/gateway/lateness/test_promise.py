@@ -4,7 +4,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from skyway_gateway.lateness.promise import due_of, host_delay
+from skyway_gateway.lateness.lateness_forecast import due_of, host_delay
 
 from skyway.delivery.qos import QoS
 from skyway.runtime.clock import ManualClock

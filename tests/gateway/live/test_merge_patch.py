@@ -4,7 +4,7 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
-from skyway_gateway.live.merge_patch import patch_between
+from skyway_gateway.live.picture import patch_between
 
 from tests.gateway.live.merged import merged
 

@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import pytest
 from skyway_gateway.notifications import post_webhook
-from skyway_gateway.notifications.name_lookups import NameLookups
-from skyway_gateway.notifications.post_webhook import ForbiddenTarget, Targets
+from skyway_gateway.notifications.post_webhook import ForbiddenTarget, NameLookups, Targets
 
 from skyway.ids import SubjectId
 from skyway.runtime.errors import BudgetSpent

@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 import pytest
-from skyway_gateway.quotes.check_windows import check_windows
+from skyway_gateway.quotes.check_request import check_windows
 
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import InvalidInput

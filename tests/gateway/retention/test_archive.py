@@ -8,7 +8,7 @@ import pytest
 from pyarrow.parquet import read_table
 from skyway_gateway.retention.archived_tables import ARCHIVED
 
-from skyway.runtime.archive.export import Export
+from skyway.runtime.archive import Export
 from tests.gateway.whole_gateway import Gateway
 
 DAY = timedelta(days=1)

@@ -5,9 +5,8 @@ from datetime import timedelta
 
 import pytest
 from skyway_gateway.delivery_tables import IS_OVER
-from skyway_gateway.retention.delivery_store import delete_leaving
-from skyway_gateway.retention.prune_deliveries import DeliveryPruning
-from skyway_gateway.retention.prune_logs import ExpiredPruning
+from skyway_gateway.retention.pruning import DeliveryPruning, ExpiredPruning
+from skyway_gateway.retention.store import delete_leaving
 
 from skyway.ids import DeliveryId
 from skyway.runtime.errors import ServiceUnavailable

@@ -3,8 +3,8 @@
 from datetime import timedelta
 
 import pytest
-from skyway_gateway.access.session_routes import SESSION_LASTS
-from skyway_gateway.retention.prune_logs import ExpiredPruning, LogPruning
+from skyway_gateway.access.session_store import SESSION_LASTS
+from skyway_gateway.retention.pruning import ExpiredPruning, LogPruning
 
 from skyway.units import moment_to_ms
 from tests.gateway.whole_gateway import Gateway

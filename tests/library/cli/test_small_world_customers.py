@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from skyway.cli.gateway import GatewayApi
-from skyway.cli.small_world_customers import LEAST_IDLE, MOST_OPEN, Customers, RequestDraw
+from skyway.cli.small_world import LEAST_IDLE, MOST_OPEN, Customers, RequestDraw
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import SkywayError
 from skyway.geo import distance_m

@@ -10,8 +10,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from skyway.cli.main import make_app
-from skyway.cli.top import TopScreen
-from skyway.cli.top_reader import MessageCounts, NoAnswer, TopReader
+from skyway.cli.top import MessageCounts, NoAnswer, TopReader, TopScreen
 
 ALARM = {
     "at": "2026-03-01T12:34:56Z",

@@ -10,8 +10,7 @@ import pytest
 from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTraceServiceRequest
 
 from skyway.runtime.errors import InvalidSettings
-from skyway.runtime.otlp import export_spans
-from skyway.runtime.tracing import SPANS, in_trace_of, tracing
+from skyway.runtime.tracing import SPANS, export_spans, in_trace_of, tracing
 
 TRACE_ID = "4bf92f3577b34da6a3ce929d0e0e4736"
 RECEIVED = f"00-{TRACE_ID}-00f067aa0ba902b7-01"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import BigInteger, Column, MetaData, Table, true
 
-from skyway.runtime.archive.archived_table import ArchivedTable
+from skyway.runtime.archive import ArchivedTable
 from skyway.runtime.errors import ExitCode
 from skyway.runtime.service_process import ServiceProcess
 from skyway.runtime.settings import ServiceSettings

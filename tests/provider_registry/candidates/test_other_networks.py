@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pytest
-from skyway_provider_registry.candidates.fleet_view import Fleet, FleetColumns
-from skyway_provider_registry.candidates.network_drones import count_drones
+from skyway_provider_registry.candidates.fleet_view import Fleet, FleetColumns, count_drones
 from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvider
 from skyway_provider_registry.candidates.selection import select as select_from
 

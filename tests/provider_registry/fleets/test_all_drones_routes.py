@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from skyway_provider_registry.fleets import all_drones_store
+from skyway_provider_registry.fleets import store
 
 
 async def listed(api: Any, query: str = "") -> list[str]:
@@ -48,7 +48,7 @@ async def test_a_list_can_be_of_one_provider(api: Any, fleets: dict[str, list[st
 async def test_a_list_can_be_of_one_state(
     api: Any, fleets: dict[str, list[str]], monkeypatch: pytest.MonkeyPatch, together: int
 ) -> None:
-    monkeypatch.setattr(all_drones_store, "_READ_TOGETHER", together)
+    monkeypatch.setattr(store, "_READ_TOGETHER", together)
     in_maintenance = sorted(own[1] for own in fleets.values())
     others = {each for own in fleets.values() for each in own} - set(in_maintenance)
 

@@ -5,7 +5,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_provider_registry.enrolment.stored_keys import StoredKeys
+from skyway_provider_registry.enrolment.signing_store import StoredKeys
 from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, Recorder
 from skyway_provider_registry.presence.judge_states import NoQuarantine
 

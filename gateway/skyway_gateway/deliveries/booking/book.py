@@ -55,7 +55,7 @@ from skyway_gateway.deliveries.lifecycle.booking_effects import (
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.records import delivery_store
-from skyway_gateway.deliveries.records.stored_delivery import Outdated, QueuedDelivery
+from skyway_gateway.deliveries.records.delivery_rows import Outdated, QueuedDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
 

@@ -21,7 +21,7 @@ from skyway.runtime.errors import ServiceUnavailable
 from skyway_gateway.deliveries.lifecycle.booking_effects import loaded_after
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.delivery_parts import Refusal
-from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery
+from skyway_gateway.deliveries.records.delivery_rows import QueuedDelivery
 from skyway_gateway.quotes.check_request import NO_PROVIDER
 
 #: The delivery is given up after this many refusals by drones (docs/reference/booking.md).

@@ -15,13 +15,14 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.records.delivery_rows import (
+    DeliveryCache,
+    QueuedDelivery,
     Values,
     queued_of,
     reasons_text,
     stored_of,
 )
 from skyway_gateway.deliveries.records.delivery_store import NEXT_VERSION, with_parts
-from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache, QueuedDelivery
 from skyway_gateway.delivery_tables import deliveries
 
 #: How long a claim holds unless it is renewed, seconds of wall time. After that, another process

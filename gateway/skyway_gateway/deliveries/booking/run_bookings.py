@@ -29,7 +29,7 @@ from skyway_gateway.deliveries.booking.queue_store import scheduled_until, unans
 from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
 from skyway_gateway.deliveries.lifecycle.progress import Progress, changed
 from skyway_gateway.deliveries.records import delivery_store
-from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery
+from skyway_gateway.deliveries.records.delivery_rows import QueuedDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 
 log = logging.getLogger(__name__)

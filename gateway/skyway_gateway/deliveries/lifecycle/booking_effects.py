@@ -29,7 +29,7 @@ from skyway_gateway.deliveries.lifecycle.progress import (
     with_packages,
     with_returning,
 )
-from skyway_gateway.lateness.promise import due_of, p90_of
+from skyway_gateway.lateness.lateness_forecast import due_of, p90_of
 from skyway_gateway.notifications.delivery_events import Happening
 
 #: The code of a package that no mission could be booked for.

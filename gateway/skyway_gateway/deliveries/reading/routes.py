@@ -3,12 +3,11 @@
 from contextlib import nullcontext
 from typing import Annotated
 
-from fastapi import Depends, Header, Query, Request, Response
+from fastapi import Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, ProviderId
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.answers import GeoJsonResponse
 from skyway.runtime.http.event_stream import EventStreamAnswer
@@ -18,53 +17,55 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.limits import FairQueue, Slots
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.clients import Composition
+from skyway_gateway.context import Context
 from skyway_gateway.deliveries.lifecycle.customer_forms import shown_to
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
 )
-from skyway_gateway.deliveries.reading import read_store, statistics_store
-from skyway_gateway.deliveries.reading.promises import PromiseStatistics, promises_of
-from skyway_gateway.deliveries.reading.read_store import DeliveryListQuery
+from skyway_gateway.deliveries.reading import read_store
+from skyway_gateway.deliveries.reading.read_store import Counted, DeliveryListQuery
 from skyway_gateway.deliveries.reading.statistics import (
     DeliveryQuery,
     DeliveryStatistics,
+    PromiseStatistics,
+    promises_of,
     statistics,
 )
-from skyway_gateway.deliveries.reading.statistics_store import Counted
-from skyway_gateway.deliveries.reading.tracking import FeatureCollection, feature_collection
 from skyway_gateway.deliveries.reading.views import (
     DeliveryPlan,
     DeliveryProof,
     Earnings,
     EarningsQuery,
+    FeatureCollection,
     ProviderDelivery,
     earnings_of,
+    feature_collection,
     for_provider,
     proof_of,
 )
 from skyway_gateway.deliveries.records import delivery_store
-from skyway_gateway.lateness.promise import host_delay_ms
+from skyway_gateway.lateness.lateness_forecast import host_delay_ms
 from skyway_gateway.lateness.store import kept_promises
 from skyway_gateway.notifications.delivery_events import EventStream
 
 
 def reading_routes(
-    *, db: Database, gate: KeyGate, composition: Composition, stream: EventStream, slots: Slots
+    context: Context, *, composition: Composition, stream: EventStream, slots: Slots
 ) -> ServiceRouter:
     """GET /v1/deliveries and all below it, and /v1/providers/{provider_id}/deliveries."""
     router = ServiceRouter(tags=("deliveries",))
-    _add_lists(router, db, gate)
-    _add_details(router, db, gate, composition)
-    _add_events(router, db, gate, stream, slots)
+    _add_lists(router, context.db)
+    _add_details(router, context.db, composition)
+    _add_events(router, context.db, stream, slots)
     return router
 
 
-def _add_lists(router: ServiceRouter, db: Database, gate: KeyGate) -> None:
+def _add_lists(router: ServiceRouter, db: Database) -> None:
     @router.get("/v1/deliveries")
     async def list_deliveries(
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         query: Annotated[DeliveryListQuery, Query()],
     ) -> Page[Delivery]:
         """List the caller's deliveries, the newest first; operators see all deliveries.
@@ -85,7 +86,7 @@ def _add_lists(router: ServiceRouter, db: Database, gate: KeyGate) -> None:
     @router.get("/v1/providers/{provider_id}/deliveries")
     async def list_provider_deliveries(
         provider_id: ProviderId,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         query: Annotated[PageQuery, Query()],
     ) -> Page[ProviderDelivery]:
         """List the deliveries that a provider's drones fly, the newest first.
@@ -102,13 +103,9 @@ def _add_lists(router: ServiceRouter, db: Database, gate: KeyGate) -> None:
         )
 
 
-def _add_details(
-    router: ServiceRouter, db: Database, gate: KeyGate, composition: Composition
-) -> None:
+def _add_details(router: ServiceRouter, db: Database, composition: Composition) -> None:
     @router.get("/v1/deliveries/{delivery_id}")
-    async def get_delivery(
-        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
-    ) -> Delivery:
+    async def get_delivery(delivery_id: DeliveryId, caller: KeyCaller) -> Delivery:
         """Show a delivery with its packages and missions.
 
         Callers: customer, operator.
@@ -120,9 +117,7 @@ def _add_details(
         return shown_to(caller, found)
 
     @router.get("/v1/deliveries/{delivery_id}/plan")
-    async def get_delivery_plan(
-        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
-    ) -> DeliveryPlan:
+    async def get_delivery_plan(delivery_id: DeliveryId, caller: KeyCaller) -> DeliveryPlan:
         """Show how a delivery is flown; it has no missions before it is planned.
 
         Callers: customer, operator.
@@ -134,9 +129,7 @@ def _add_details(
         return DeliveryPlan(delivery_id=delivery_id, state=delivery.state, missions=missions)
 
     @router.get("/v1/deliveries/{delivery_id}/proof")
-    async def get_delivery_proof(
-        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
-    ) -> DeliveryProof:
+    async def get_delivery_proof(delivery_id: DeliveryId, caller: KeyCaller) -> DeliveryProof:
         """Show what proves the hand-over of each package: place, time and masses.
 
         Callers: customer, operator.
@@ -147,9 +140,7 @@ def _add_details(
         return proof_of(delivery)
 
     @router.get("/v1/deliveries/{delivery_id}/track", response_class=GeoJsonResponse)
-    async def get_delivery_track(
-        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
-    ) -> FeatureCollection:
+    async def get_delivery_track(delivery_id: DeliveryId, caller: KeyCaller) -> FeatureCollection:
         """Show as GeoJSON what was flown, what will be flown, and where the drones are.
 
         Callers: customer, operator.
@@ -162,9 +153,7 @@ def _add_details(
         return feature_collection(delivery, track)
 
 
-def _add_events(
-    router: ServiceRouter, db: Database, gate: KeyGate, stream: EventStream, slots: Slots
-) -> None:
+def _add_events(router: ServiceRouter, db: Database, stream: EventStream, slots: Slots) -> None:
     @router.get(
         "/v1/deliveries/{delivery_id}/events",
         response_class=StreamingResponse,
@@ -176,7 +165,7 @@ def _add_events(
     async def stream_delivery_events(
         request: Request,
         delivery_id: DeliveryId,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         last_event_id: Annotated[int | None, Header(ge=0, le=2**31 - 1)] = None,
     ) -> Response:
         """Follow a delivery by server-sent events, from its first event to its last.
@@ -198,14 +187,14 @@ def _add_events(
         return EventStreamAnswer(nullcontext(frames), slots=slots, who=str(caller))
 
 
-def earnings_routes(*, db: Database, gate: KeyGate, reporting: FairQueue) -> ServiceRouter:
+def earnings_routes(context: Context, *, reporting: FairQueue) -> ServiceRouter:
     """/v1/providers/{provider_id}/earnings."""
     router = ServiceRouter(tags=("deliveries",))
 
     @router.get("/v1/providers/{provider_id}/earnings")
     async def get_provider_earnings(
         provider_id: ProviderId,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         query: Annotated[EarningsQuery, Query()],
     ) -> Earnings:
         """Sum what a provider's completed missions earned, in all and by day.
@@ -215,7 +204,7 @@ def earnings_routes(*, db: Database, gate: KeyGate, reporting: FairQueue) -> Ser
         caller.must_be("provider", "operator")
         if caller.role == "provider" and caller.subject_id != provider_id:
             raise NotFound("provider", provider_id)
-        async with reporting.turn(str(caller)), db.survey() as connection:
+        async with reporting.turn(str(caller)), context.db.survey() as connection:
             return earnings_of(
                 provider_id, await read_store.days_of(connection, provider_id, query)
             )
@@ -223,49 +212,47 @@ def earnings_routes(*, db: Database, gate: KeyGate, reporting: FairQueue) -> Ser
     return router
 
 
-def statistics_routes(
-    *, db: Database, gate: KeyGate, clock: FleetClock, reporting: FairQueue
-) -> ServiceRouter:
+def statistics_routes(context: Context, *, reporting: FairQueue) -> ServiceRouter:
     """GET /v1/stats/deliveries and /v1/stats/promises."""
     router = ServiceRouter(tags=("statistics",))
 
     @router.get("/v1/stats/deliveries")
     async def get_delivery_statistics(
-        caller: Annotated[Caller, Depends(gate)], query: Annotated[DeliveryQuery, Query()]
+        caller: KeyCaller, query: Annotated[DeliveryQuery, Query()]
     ) -> DeliveryStatistics:
         """Sum up the deliveries of a span, and the requests that wait; a provider sees its own.
 
         Callers: provider, operator.
         """
         caller.must_be("provider", "operator")
-        now = clock.now()
+        now = context.clock.now()
         span, provider_id = query.span(now), _provider(caller, query.provider_id)
         counted = Counted(
             span,
             provider_id,
             query.bucket_ms(span),
-            host_delay_ms=host_delay_ms(clock),
+            host_delay_ms=host_delay_ms(context.clock),
         )
-        async with reporting.turn(str(caller)), db.survey() as connection:
-            found = await statistics_store.sums(connection, counted)
+        async with reporting.turn(str(caller)), context.db.survey() as connection:
+            found = await read_store.sums(connection, counted)
             waiting = None
             if provider_id is None:
-                waiting = await statistics_store.waiting(connection, now_ms=moment_to_ms(now))
+                waiting = await read_store.waiting(connection, now_ms=moment_to_ms(now))
         return statistics(found, query, span=span, provider_id=provider_id, waiting=waiting)
 
     @router.get("/v1/stats/promises")
     async def get_promise_statistics(
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
     ) -> PromiseStatistics:
         """Show which share of the packages came by their P90, in the last day and week.
 
         Callers: provider, operator.
         """
         caller.must_be("provider", "operator")
-        now = clock.now()
-        async with reporting.turn(str(caller)), db.survey() as connection:
+        now = context.clock.now()
+        async with reporting.turn(str(caller)), context.db.survey() as connection:
             rows = await kept_promises(
-                connection, now_ms=moment_to_ms(now), host_delay_ms=host_delay_ms(clock)
+                connection, now_ms=moment_to_ms(now), host_delay_ms=host_delay_ms(context.clock)
             )
         return PromiseStatistics(
             at=now, items=promises_of(rows, provider_id=_provider(caller, None))

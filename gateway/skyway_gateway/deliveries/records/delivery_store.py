@@ -46,6 +46,9 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
 )
 from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
 from skyway_gateway.deliveries.records.delivery_rows import (
+    Outdated,
+    QueuedDelivery,
+    StoredDelivery,
     changing,
     delivery_of,
     first_custody_row,
@@ -58,11 +61,6 @@ from skyway_gateway.deliveries.records.delivery_rows import (
     package_values,
     reported,
     stored_of,
-)
-from skyway_gateway.deliveries.records.stored_delivery import (
-    Outdated,
-    QueuedDelivery,
-    StoredDelivery,
 )
 from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
 

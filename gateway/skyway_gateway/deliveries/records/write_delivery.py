@@ -15,7 +15,7 @@ from skyway_gateway.deliveries.lifecycle.booking_effects import after_booking, c
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.records import delivery_store
-from skyway_gateway.deliveries.records.stored_delivery import (
+from skyway_gateway.deliveries.records.delivery_rows import (
     DeliveryCache,
     QueuedDelivery,
     StoredDelivery,

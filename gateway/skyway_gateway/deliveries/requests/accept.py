@@ -30,7 +30,7 @@ from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
 from skyway_gateway.deliveries.lifecycle.customer_forms import OfferChoice, RequestedDelivery
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Flags, PackageStatus
-from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery, StoredDelivery
+from skyway_gateway.deliveries.records.delivery_rows import QueuedDelivery, StoredDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
 from skyway_gateway.notifications.delivery_events import Happening

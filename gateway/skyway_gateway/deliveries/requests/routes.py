@@ -28,7 +28,7 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.request_boundary import Admission
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.replicas.membership import Membership
-from skyway_gateway.access.routes import KeyGate, holder_of
+from skyway_gateway.access.routes import KeyCaller, holder_of
 from skyway_gateway.deliveries.apply_reports import ReportApplier
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.lifecycle.customer_forms import (
@@ -67,9 +67,7 @@ def shedding(entrance: Admission, booking: BookingLoop, replicas: Membership) ->
     return admit
 
 
-def delivery_routes(
-    *, gate: KeyGate, acceptance: Acceptance, canceller: Canceller
-) -> ServiceRouter:
+def delivery_routes(*, acceptance: Acceptance, canceller: Canceller) -> ServiceRouter:
     """POST /v1/deliveries and /v1/deliveries/{delivery_id}/cancel."""
     router = ServiceRouter(tags=("deliveries",))
 
@@ -91,7 +89,7 @@ def delivery_routes(
     )
     async def create_delivery(
         request: Request,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         wanted: Annotated[RequestOrOffer, Body()],
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
@@ -113,7 +111,7 @@ def delivery_routes(
     @router.post("/v1/deliveries/{delivery_id}/cancel", responses=conflicts("TOO_LATE"))
     async def cancel_delivery(
         delivery_id: DeliveryId,
-        caller: Annotated[Caller, Depends(gate)],
+        caller: KeyCaller,
         wanted: Annotated[CancelRequest | None, Body()] = None,
     ) -> Delivery:
         """Cancel a delivery, or some of its packages.

@@ -14,9 +14,9 @@ from typing import Final
 
 import httpx
 from fastapi import Request
+from skyway_gateway.clients import NetworkFinder
 from skyway_gateway.forward.cell_routes import ForwardToCells
 from skyway_gateway.forward.table import FORWARDED
-from skyway_gateway.routed_composition import NetworkFinder
 
 from skyway.announced_networks import CachedNetworks
 from skyway.cells import CellClients

@@ -16,7 +16,7 @@ from skyway.cli.system.running_system import System, running_system
 from skyway.cli.system.supervisor import Child
 from skyway.errors import SkywayError
 from skyway.ids import DroneModelId, StationId
-from skyway.runtime.signing.fleet_keys import FleetKeys
+from skyway.runtime.signing.key_pair import FleetKeys
 
 _TERMINAL: Final = ("COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED")
 

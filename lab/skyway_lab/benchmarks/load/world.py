@@ -14,7 +14,7 @@ from skyway.cli.gateway import GatewayApi
 from skyway.cli.system.niceness import SIMULATES
 from skyway.cli.system.running_system import System
 from skyway.errors import SkywayError
-from skyway.runtime.signing.fleet_keys import FleetKeys
+from skyway.runtime.signing.key_pair import FleetKeys
 
 _CUSTOMERS: Final = 5
 #: Wall seconds until all drones must be known to stand ready; a start takes about 5 ms a drone.

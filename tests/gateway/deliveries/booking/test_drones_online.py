@@ -2,7 +2,7 @@
 
 from datetime import UTC, datetime, timedelta
 
-from skyway_gateway.deliveries.booking.drones_online import DronesOnline
+from skyway_gateway.deliveries.booking.wake_waiting import DronesOnline
 
 from tests.gateway.deliveries.booking.connections import connection
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from skyway_gateway.deliveries.booking.queue_store import try_later
-from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache, StoredDelivery
+from skyway_gateway.deliveries.records.delivery_rows import DeliveryCache, StoredDelivery
 from skyway_gateway.deliveries.requests.cancel import CancelRequest
 
 from skyway.contracts.mission_reports import TracedReport

@@ -1,4 +1,7 @@
-"""The tracking page: a page for phones, its state as JSON, and its stream. The link is the key."""
+"""Tracking over REST: the link of a delivery for its customer, and the page that the link shows.
+
+The page is for phones. It has its state as JSON and a stream. The link is the key.
+"""
 
 from functools import partial
 from importlib.resources import files
@@ -6,20 +9,88 @@ from typing import Annotated, Final
 
 from fastapi import Header, Request, Response
 from fastapi.responses import HTMLResponse
+from pydantic import Field
 
 from skyway.ids import DeliveryId
+from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.limits import Slots
+from skyway_gateway.access.routes import KeyCaller
+from skyway_gateway.context import Context
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.viewer_frames import ViewerFrames, event_seen
+from skyway_gateway.tracking import link_store
 from skyway_gateway.tracking.pages import Shown, TrackingPages
 from skyway_gateway.tracking.tracked import TrackedDelivery
-from skyway_gateway.tracking_links import TRACKING_PATHS
+from skyway_gateway.tracking_links import TRACKING_PATHS, TrackingLinks
+
+
+class TrackingLink(JsonModel):
+    """Where a delivery can be followed without a key."""
+
+    tracking_url: Annotated[
+        str | None,
+        Field(
+            description="Link to the tracking page, for everybody who may follow the delivery; it "
+            "ends 24 hours of fleet time after the delivery. Null when it was withdrawn."
+        ),
+    ]
+
+
+def link_routes(context: Context, *, links: TrackingLinks) -> ServiceRouter:
+    """GET, POST and DELETE /v1/deliveries/{delivery_id}/tracking-link."""
+    router = ServiceRouter(tags=("deliveries",))
+    path = "/v1/deliveries/{delivery_id}/tracking-link"
+
+    @router.get(path)
+    async def get_tracking_link(delivery_id: DeliveryId, caller: KeyCaller) -> TrackingLink:
+        """Show the link to a delivery's tracking page.
+
+        Callers: customer, operator.
+        """
+        caller.must_be("customer", "operator")
+        async with context.db.read() as connection:
+            await delivery_store.one_of(connection, caller, delivery_id)
+            link = await link_store.link_of(connection, delivery_id)
+        if link.is_withdrawn:
+            return TrackingLink(tracking_url=None)
+        return _link(delivery_id, link.number)
+
+    @router.post(path, status_code=201)
+    async def renew_tracking_link(delivery_id: DeliveryId, caller: KeyCaller) -> TrackingLink:
+        """Make another link to a delivery's tracking page; the earlier link ends.
+
+        Callers: customer, operator.
+        """
+        caller.must_be("customer", "operator")
+        async with context.db.write() as tx:
+            await delivery_store.one_of(tx.connection, caller, delivery_id)
+            number = await link_store.renew(tx, delivery_id)
+        return _link(delivery_id, number)
+
+    @router.delete(path, status_code=204)
+    async def withdraw_tracking_link(delivery_id: DeliveryId, caller: KeyCaller) -> Response:
+        """End the link to a delivery's tracking page.
+
+        Callers: customer, operator.
+        """
+        caller.must_be("customer", "operator")
+        async with context.db.write() as tx:
+            await delivery_store.one_of(tx.connection, caller, delivery_id)
+            await link_store.withdraw(tx, delivery_id)
+        return Response(status_code=204)
+
+    def _link(delivery_id: DeliveryId, number: int) -> TrackingLink:
+        return TrackingLink(tracking_url=links.url_of(delivery_id, number=number))
+
+    return router
+
 
 #: No other host, no script in the page, no frame around it, and no search engine.
 _PAGE_HEADERS: Final = {

@@ -1,1 +1,0 @@
-"""`skyway close`, `skyway open` and `skyway closures`: what operators close, and open again."""
