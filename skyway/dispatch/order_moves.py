@@ -5,8 +5,9 @@ missing or held, and what it costs when one drone is planned before another.
 """
 
 from collections.abc import Callable
-from random import Random
 from typing import Final
+
+from numpy.random import Generator
 
 from skyway.dispatch.planned_trip import Pool
 
@@ -19,7 +20,7 @@ _ONLY_PLANNED_EARLIER: Final = 0.5
 _MOST_EARLIER: Final = 12
 
 #: The share of further moves, after which the change ends. Our own choice.
-_ONE_MORE: Final = 0.3
+_ONE_MORE: Final = 0.6
 
 #: The share of requests that join another trip if one may share it.
 _JOINS: Final = 0.5
@@ -35,7 +36,7 @@ class OrderMoves:
     """
 
     def __init__(
-        self, requests: int, drones: int, *, allows: Callable[[Pool], bool], draws: Random
+        self, requests: int, drones: int, *, allows: Callable[[Pool], bool], draws: Generator
     ) -> None:
         self._requests = requests
         self._drones = drones
@@ -51,13 +52,13 @@ class OrderMoves:
             if is_only_planned_earlier and trips:
                 self._plan_earlier_or_later(trips)
             else:
-                draws.choice((self._reassign, self._exchange, self._regroup))(trips)
+                (self._reassign, self._exchange, self._regroup)[draws.integers(3)](trips)
             if draws.random() >= _ONE_MORE:
                 return tuple(trips)
 
     def _plan_earlier_or_later(self, trips: list[tuple[int, Pool]]) -> None:
         """Move a trip among the trips of other drones: each drone flies its trips as before."""
-        at = self._draws.randrange(len(trips))
+        at = int(self._draws.integers(len(trips)))
         trip = trips.pop(at)
         first, last = max(0, at - _MOST_EARLIER), min(len(trips), at + _MOST_EARLIER)
         for number in range(at - 1, first - 1, -1):
@@ -68,24 +69,24 @@ class OrderMoves:
             if trips[number][0] == trip[0]:
                 last = number
                 break
-        trips.insert(self._draws.randint(first, last), trip)
+        trips.insert(int(self._draws.integers(first, last + 1)), trip)
 
     def _reassign(self, trips: list[tuple[int, Pool]]) -> None:
         """Let any drone fly a trip, at any place."""
         if trips:
-            _, pool = trips.pop(self._draws.randrange(len(trips)))
+            _, pool = trips.pop(self._draws.integers(len(trips)))
             self._insert(trips, pool)
 
     def _exchange(self, trips: list[tuple[int, Pool]]) -> None:
         """Exchange the requests of two trips."""
         if len(trips) > 1:
-            one, other = self._draws.sample(range(len(trips)), 2)
+            one, other = self._draws.choice(len(trips), 2, replace=False).tolist()
             (drone, pool), (other_drone, other_pool) = trips[one], trips[other]
             trips[one], trips[other] = (drone, other_pool), (other_drone, pool)
 
     def _regroup(self, trips: list[tuple[int, Pool]]) -> None:
         """Take a request out of its trip, if it has one; it joins another trip or flies alone."""
-        request = self._draws.randrange(self._requests)
+        request = int(self._draws.integers(self._requests))
         for at, (drone, pool) in enumerate(trips):
             if request in pool:
                 rest = tuple(each for each in pool if each != request)
@@ -97,12 +98,11 @@ class OrderMoves:
             if self._allows(together := tuple(sorted((*pool, request))))
         ]
         if joined and self._draws.random() < _JOINS:
-            at, drone, together = self._draws.choice(joined)
+            at, drone, together = joined[self._draws.integers(len(joined))]
             trips[at] = (drone, together)
         else:
             self._insert(trips, (request,))
 
     def _insert(self, trips: list[tuple[int, Pool]], pool: Pool) -> None:
-        trips.insert(
-            self._draws.randint(0, len(trips)), (self._draws.randrange(self._drones), pool)
-        )
+        drone = int(self._draws.integers(self._drones))
+        trips.insert(int(self._draws.integers(len(trips) + 1)), (drone, pool))

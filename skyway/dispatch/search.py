@@ -38,9 +38,9 @@ _COLD: Final = 0.01
 #: judges. They go on from a schedule that costs more than the best one by at most this share, and
 #: begin at the best one again after so many moves in vain. Our own choice.
 _ROUNDS_IN_VAIN: Final = 0.25
-_MOVES: Final = 20
+_MOVES: Final = 40
 _WORSE: Final = 0.005
-_MOVES_IN_VAIN: Final = 100
+_MOVES_IN_VAIN: Final = 60
 
 
 @dataclass(slots=True)

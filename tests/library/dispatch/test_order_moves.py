@@ -1,7 +1,6 @@
 """Moves that the exact planner judges: what they keep, and what they find."""
 
-from random import Random
-
+import numpy as np
 import pytest
 from skyway_lab.benchmarks.dispatch.small import compared, small_fleet
 
@@ -11,7 +10,7 @@ from skyway.dispatch.order_moves import Order, OrderMoves
 
 def test_a_changed_order_has_every_request_at_most_once_and_no_pool_that_may_not_share() -> None:
     allowed = {(0, 1), (2, 3)}
-    moves = OrderMoves(5, 3, allows=allowed.__contains__, draws=Random(1))
+    moves = OrderMoves(5, 3, allows=allowed.__contains__, draws=np.random.default_rng(1))
     order: Order = ((0, (0, 1)), (1, (2,)), (2, (3,)))
 
     for _ in range(2_000):
@@ -25,7 +24,7 @@ def test_a_changed_order_has_every_request_at_most_once_and_no_pool_that_may_not
 
 def test_a_schedule_planned_after_its_first_trips_is_the_one_planned_from_the_beginning() -> None:
     search = begun(small_fleet(3, drones=3, requests=6))
-    draws = Random(1)
+    draws = np.random.default_rng(1)
 
     for _ in range(200):
         order = search.moves.changed(search.walked.order)
