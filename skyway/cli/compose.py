@@ -3,97 +3,20 @@
 The planner is imported only by this command, because that takes time.
 """
 
-import marshal
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
-from hashlib import sha256
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
 import typer
 
 from skyway.cli.data_folder import data_folder, keep_kernels
-from skyway.delivery.plan import Plan, PlanStatus
-from skyway.errors import FieldFault, InvalidInput, InvalidNetwork
+from skyway.errors import FieldFault, InvalidInput
 from skyway.json_text import BrokenJson, json_value
-from skyway.network.network import Network
-from skyway.planner.airspace import Airspace
-from skyway.planner.compose import compose
-from skyway.planner.problem import Problem, network_of
-from skyway.planner.problem_document import read_problem
-from skyway.planner.verify import PlanRejected
-
-#: Networks in the cache; each may need as much memory as the rest of the program.
-_MOST_CACHED = 4
-
-
-@dataclass(slots=True)
-class RecentNetworks:
-    """A cache of networks and their airspaces by the content of their JSON, the latest last.
-
-    Hundreds of problems often share one network, and reading a network is slow.
-    """
-
-    _cached: dict[bytes, tuple[Network, Airspace]] = field(default_factory=dict)
-
-    def prepared(self, value: Any) -> tuple[Network, Airspace]:  # any JSON value
-        """The network that this JSON describes, ready to compose on.
-
-        Raises
-        ------
-        InvalidNetwork
-            The JSON is not a network.
-        """
-        # Version 2 of the format writes equal values equally, and distinguishes true from 1.
-        key = sha256(marshal.dumps(value, 2)).digest()
-        cached = self._cached.pop(key, None)
-        if cached is None:
-            network = network_of(value)
-            cached = network, Airspace.of(network)
-        self._cached[key] = cached
-        if len(self._cached) > _MOST_CACHED:
-            del self._cached[next(iter(self._cached))]
-        return cached
-
-
-@dataclass(slots=True)
-class ProblemComposer:
-    """Composes one document after another; `overrides` replace fields of each problem."""
-
-    overrides: dict[str, Any]  # any JSON value
-    _networks: RecentNetworks = field(default_factory=RecentNetworks)
-
-    def plan(self, document: Any) -> Plan:  # any JSON value; read_problem checks it
-        """The plan for a problem.
-
-        Raises
-        ------
-        InvalidInput
-            The document is not a problem.
-        """
-        problem, airspace = self._problem(document)
-        try:
-            return compose(problem, airspace=airspace)
-        except PlanRejected as error:
-            # A defect of the planner: no drone may fly this plan, so there is no plan.
-            return Plan(status=PlanStatus.UNKNOWN, stats={"rejected": str(error)})
-
-    def _problem(self, document: Any) -> tuple[Problem, Airspace | None]:
-        if not isinstance(document, dict):
-            return read_problem(document), None
-        document = document | self.overrides
-        airspace = None
-        if "network" in document:
-            # read_problem reports the faults of the network together with all other faults.
-            with suppress(InvalidNetwork):
-                document["network"], airspace = self._networks.prepared(document["network"])
-        return read_problem(document), airspace
-
 
 if TYPE_CHECKING:
-    from skyway.cli.compose import ProblemComposer
+    from skyway.cli.problem_composer import ProblemComposer
     from skyway.delivery.plan import Plan
 
 
@@ -139,7 +62,7 @@ def compose_command(
 ) -> None:
     """Compose a plan for each problem in a file."""
     keep_kernels(data_folder())
-    from skyway.cli.compose import ProblemComposer
+    from skyway.cli.problem_composer import ProblemComposer
     from skyway.delivery.plan import Plan, PlanStatus
 
     composer = ProblemComposer(_overrides(strategy, time_limit))
