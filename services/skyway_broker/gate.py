@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from skyway.broker_setup.mosquitto_accounts import service_files
+from skyway.broker_setup.account_files import service_files
 from skyway.broker_setup.passwords import hash_password, matches, read_password_file
 from skyway_broker.refused_logins import RefusedLogins
 

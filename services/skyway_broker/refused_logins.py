@@ -3,7 +3,7 @@
 import logging
 from pathlib import Path
 
-from skyway.broker_setup.mosquitto_accounts import refused_logins_file
+from skyway.broker_setup.account_files import refused_logins_file
 from skyway.broker_setup.private_file import write_private
 
 log = logging.getLogger(__name__)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, get_args
 
-from skyway.broker_setup.mosquitto_accounts import refused_logins_file
+from skyway.broker_setup.account_files import refused_logins_file
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.metrics import Gauge, GaugeSource
 from skyway.runtime.sql.database import Database

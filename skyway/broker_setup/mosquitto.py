@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from skyway.broker_setup.mosquitto_accounts import (
+from skyway.broker_setup.account_files import (
     AccountFiles,
     client_files,
     revoked_file,

@@ -5,46 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from skyway.broker_setup.account_files import client_files, revoked_file, service_files
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.passwords import hash_password, write_password_file
 from skyway.broker_setup.private_file import write_private
 from skyway.contracts.broker_rules import BrokerRules, is_operator
-
-
-@dataclass(frozen=True, slots=True)
-class AccountFiles:
-    """The accounts that may log in at a listener, and their access rules."""
-
-    password_file: Path
-    acl_file: Path
-
-
-def client_files(password_file: Path) -> AccountFiles:
-    """The files of drones, customers and operators; the registry writes both."""
-    return AccountFiles(password_file, password_file.with_name("client_acl"))
-
-
-def service_files(password_file: Path) -> AccountFiles:
-    """The files of services, beside the password file of all other accounts.
-
-    Services have a listener of their own. Only services can log in there, and services can log in
-    only there.
-    """
-    return AccountFiles(
-        password_file.with_name(f"service_{password_file.name}"),
-        password_file.with_name("service_acl"),
-    )
-
-
-def revoked_file(password_file: Path) -> Path:
-    """The file beside it that lists the drones' certificates that ended before their time (PEM)."""
-    return password_file.with_name("revoked.pem")
-
-
-def refused_logins_file(password_file: Path) -> Path:
-    """The file beside it in which the embedded broker counts the logins that it refused."""
-    return password_file.with_name("refused_logins")
-
 
 #: No key of a drone has ended.
 NOTHING_REVOKED: Final[Mapping[str, str]] = {}

@@ -5,8 +5,8 @@ import pwd
 from collections.abc import Sequence
 from urllib.parse import urlsplit
 
+from skyway.broker_setup.account_files import client_files, revoked_file, service_files
 from skyway.broker_setup.mosquitto import TlsFiles, mosquitto_conf
-from skyway.broker_setup.mosquitto_accounts import client_files, revoked_file, service_files
 from skyway.broker_setup.private_file import write_private
 from skyway.cli.data_folder import DataFolder
 from skyway.contracts.broker_rules import BrokerRules

@@ -17,9 +17,9 @@ from skyway_broker.gate import Gate
 from skyway_broker.hardened import HardenedBroker
 from skyway_broker.limits import Limits
 
+from skyway.broker_setup.account_files import client_files, service_files
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.mosquitto import mosquitto_conf
-from skyway.broker_setup.mosquitto_accounts import client_files, service_files
 from skyway.broker_setup.passwords import hash_password, write_password_file
 from skyway.contracts.broker_rules import BrokerRules, is_operator
 from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType

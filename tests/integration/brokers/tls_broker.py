@@ -12,9 +12,10 @@ from pathlib import Path
 
 from skyway_drone_agent.enrolment.enrolled_drone import ClientCertificate, client_tls
 
+from skyway.broker_setup.account_files import service_files
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.mosquitto import TlsFiles, mosquitto_conf
-from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts, service_files
+from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
 from skyway.broker_setup.passwords import hash_password
 from skyway.contracts.broker_rules import BrokerRules
 from skyway.runtime.errors import MqttUnavailable

@@ -15,8 +15,8 @@ from typing import Final
 
 from skyway_lab.benchmarks.fleet.crew import PASSWORD
 
+from skyway.broker_setup.account_files import client_files, service_files
 from skyway.broker_setup.mosquitto import mosquitto_conf
-from skyway.broker_setup.mosquitto_accounts import client_files, service_files
 from skyway.broker_setup.passwords import hash_password, write_password_file
 from skyway.broker_setup.private_file import write_private
 from skyway.contracts.broker_rules import SERVICE_ACCOUNTS, BrokerRules
