@@ -5,7 +5,7 @@ from itertools import permutations, product
 
 import pytest
 
-from skyway.dispatch.optimise import optimise, proven_s, searched
+from skyway.dispatch.optimise import begun, optimise, proven_s, searched
 from skyway.dispatch.pools import pickups_of
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.schedule import Schedule, Scheduler
@@ -76,6 +76,8 @@ def test_the_bound_is_below_the_best_of_all_plans_and_the_search_is_near(
     assert best_s * 0.9999 <= plan.costs.total_s <= best_s * 1.05
     assert plan.lower_bound_s is not None
     assert 0 < plan.lower_bound_s <= best_s + 0.1
+    # A bound is never above the best plan that is known, so it is also proven from a worse plan.
+    assert 0 < proven_s(begun(problem, seed=seed)) <= best_s + 0.1
 
 
 def test_a_weaker_bound_is_given_if_not_all_shared_trips_are_estimated() -> None:
