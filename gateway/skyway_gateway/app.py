@@ -59,6 +59,7 @@ from skyway_gateway.notifications.routes import (
 )
 from skyway_gateway.notifications.seal_secrets import seal_secrets
 from skyway_gateway.parts import SERVICE, Parts
+from skyway_gateway.places.routes import place_routes
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.quotes.store import read_networks
 from skyway_gateway.settings import GatewaySettings
@@ -84,6 +85,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             delivery_routes(acceptance=parts.acceptance, canceller=parts.canceller),
             report_routes(gate=parts.services, applier=parts.applier),
             quote_routes(context, maker=parts.quote_maker),
+            place_routes(places=parts.places),
             reading_routes(
                 context,
                 composition=parts.composition,
@@ -182,6 +184,7 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             await opened.enter_async_context(parts.clients["registry"])
             await opened.enter_async_context(parts.servers)
             await opened.enter_async_context(parts.post)
+            opened.push_async_callback(parts.places.locator.geocoder.close)
             await opened.enter_async_context(mqtt)
             loops = await opened.enter_async_context(Loops())
             start_work(loops, parts, mqtt, settings)

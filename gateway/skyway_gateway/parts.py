@@ -42,8 +42,9 @@ from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
 from skyway_gateway.notifications.secret_vault import SecretVault
 from skyway_gateway.notifications.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhook_store import WebhookQuota
+from skyway_gateway.places.serve import PlaceServer
 from skyway_gateway.quotes.accept_offer import OfferKeeper
-from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks, ShortWait
+from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks
 from skyway_gateway.quotes.make_quote import HoldLimits, QuoteMaker
 from skyway_gateway.tracking.pages import TrackingPages
 from skyway_gateway.tracking_links import TrackingLinks
@@ -65,6 +66,7 @@ class Parts:
     servers: CellClients
     find: NetworkFinder
     networks: NetworkLearner
+    places: PlaceServer
     cached_keys: CachedKeys
     cached_sessions: CachedKeys
     login_codes: LoginCodes
@@ -161,6 +163,7 @@ class Parts:
             self.quoting,
             self.networks.cached,
             self.forecast,
+            self.places,
         )
 
     @property
@@ -169,6 +172,7 @@ class Parts:
         keeper = OfferKeeper(self.registry, self.composition, self.clock)
         return Acceptance(
             self.db,
+            self.places,
             self.checks,
             keeper,
             self.writer,
@@ -185,5 +189,5 @@ class Parts:
         """Checks delivery requests against networks and fleets."""
         limits = CachedPayloadLimits(self.registry, self.clock)
         return RequestChecks(
-            limits, self.networks.cached, self.composition, self.clock, ShortWait()
+            limits, self.networks.cached, self.composition, self.clock, self.places.wait
         )

@@ -117,6 +117,8 @@ quotes = Table(
     Column("quote_id", Text, primary_key=True),
     Column("customer_id", Text, nullable=False),
     Column("request", Text, nullable=False),  # JSON of skyway.delivery.request.DeliveryRequest
+    # JSON list of places.served.ServedPlace: personal data, deleted with the quote
+    Column("places", Text, nullable=False),
     Column("offers", Text, nullable=False),  # JSON list of quotes.store.Offer
     Column("infeasible", Text, nullable=False),  # JSON list of ProviderReason
     Column("made_ms", BigInteger, nullable=False),

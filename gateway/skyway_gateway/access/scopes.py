@@ -154,7 +154,12 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         "DELETE /v1/quarantine/{quarantine_id}",
         "POST /v1/small-world",
     ),
-    "quotes:write": ("POST /v1/quotes", "GET /v1/quotes/{quote_id}", "POST /v1/compositions"),
+    "quotes:write": (
+        "POST /v1/quotes",
+        "GET /v1/quotes/{quote_id}",
+        "GET /v1/places",
+        "POST /v1/compositions",
+    ),
     "webhooks:read": (
         "GET /v1/webhooks",
         "GET /v1/webhooks/{webhook_id}",

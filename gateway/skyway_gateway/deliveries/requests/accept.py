@@ -34,7 +34,9 @@ from skyway_gateway.deliveries.records.delivery_rows import QueuedDelivery, Stor
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
 from skyway_gateway.notifications.delivery_events import Happening
-from skyway_gateway.places.customer_request import CustomerRequest, named_station
+from skyway_gateway.places.customer_request import CustomerRequest
+from skyway_gateway.places.serve import PlaceServer
+from skyway_gateway.places.served import ServedPlace
 from skyway_gateway.quotes.accept_offer import OfferKeeper, accept_offer
 from skyway_gateway.quotes.check_request import CheckedRequest, RequestChecks
 from skyway_gateway.quotes.store import hold_of, one_of
@@ -85,12 +87,13 @@ def new_delivery(
 
 @dataclass(frozen=True, slots=True)
 class _Checked:
-    """A request that may be accepted, and what composition holds for its offer.
+    """A request that may be accepted, its places, and what composition holds for its offer.
 
     A hold that `is_new` was made for this call, not for the quote.
     """
 
     request: CheckedRequest
+    places: tuple[ServedPlace, ...] = ()
     hold: OfferHold | None = None
     is_new: bool = False
 
@@ -100,6 +103,7 @@ class Acceptance:
     """Accepts requests and hands them to the booking loop."""
 
     db: Database
+    places: PlaceServer
     checks: RequestChecks
     keeper: OfferKeeper
     writer: DeliveryWriter
@@ -165,18 +169,21 @@ class Acceptance:
 
     async def _check(self, caller: Caller, requested: CustomerRequest | OfferChoice) -> _Checked:
         if isinstance(requested, CustomerRequest):
-            return _Checked(await self.checks.check(requested.at_stations(named_station)))
+            served = await self.places.serve(requested, who=str(caller))
+            return _Checked(await self.checks.check(served.nearest), places=served.places)
         async with self.db.read() as connection:
             quote = await one_of(connection, caller, requested.quote_id)
             hold_id = await hold_of(connection, requested.quote_id)
-        checked = await self.checks.check(quote.request)
+        offer = quote.offers[quote.number_of(requested.offer_id)]
+        checked = await self.checks.check(quote.request_of(offer))
+        places = quote.places_of(offer)
         if self._books_later(quote.request, self.clock.now()) is not None:
-            return _Checked(checked)
+            return _Checked(checked, places)
         hold = await self.keeper.keep(
             caller, quote, requested.offer_id, checked=checked, hold_id=hold_id
         )
         is_new = hold is not None and hold.hold_id != hold_id
-        return _Checked(checked, hold, is_new=is_new)
+        return _Checked(checked, places, hold, is_new=is_new)
 
     async def _release(
         self,
