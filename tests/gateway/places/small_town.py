@@ -15,17 +15,11 @@ SQUARE = Position(-97.9414, 29.8833)
 _EAST_M = {"san-marcos": 0.0, "mcqueeney": 5_000.0, "bulverde": 5_300.0, "san-antonio": 5_900.0}
 
 
-def make_town(network_id: str = "town", **east_m: float) -> NetworkStations:
+def make_town(
+    network_id: str = "town", east_m: Mapping[str, float] | None = None, **more_east_m: float
+) -> NetworkStations:
     """Stations by how far east of the square they stand."""
-    return _make_network(network_id, east_m or _EAST_M)
-
-
-def make_house() -> NetworkStations:
-    """Twenty stations in one house, 10 m from the square."""
-    return _make_network("house", {f"s{number:02}": 10.0 for number in range(20)})
-
-
-def _make_network(network_id: str, stations: Mapping[str, float]) -> NetworkStations:
+    stations = {**(east_m or {}), **more_east_m} or _EAST_M
     return NetworkStations(
         network_id=NetworkId(network_id),
         version=1,
@@ -34,6 +28,11 @@ def _make_network(network_id: str, stations: Mapping[str, float]) -> NetworkStat
         parts=(0,) * len(stations),
         names={StationId("san-marcos"): "San Marcos", StationId("mcqueeney"): "Markt, Süd"},
     )
+
+
+def make_house() -> NetworkStations:
+    """Twenty stations in one house, 10 m from the square."""
+    return make_town("house", {f"s{number:02}": 10.0 for number in range(20)})
 
 
 def cached(*networks: NetworkStations) -> CachedNetworks:
