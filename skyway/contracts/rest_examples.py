@@ -278,6 +278,7 @@ BY_SCHEMA: Final[Mapping[str, Any]] = {
         "packages": [{"package_id": "p1", "mass_kg": 0.8, "destination": "mcqueeney"}],
     },
     "DeliveryRequest": _REQUEST,
+    "CustomerRequest": _REQUEST,
     "QuoteRequest": {**_REQUEST, "hold": True},
     "ReplayRequest": {"from_wall_at": "2026-03-02T09:00:00Z", "to_wall_at": "2026-03-02T12:00:00Z"},
     "DroneModel": _MODEL,

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from datetime import datetime, timedelta
-from typing import Annotated
+from typing import Annotated, Generic, TypeVar
 
 from pydantic import Field, field_validator
 
@@ -27,12 +27,11 @@ class Place(JsonModel):
     station_id: StationId
 
 
-class Package(JsonModel):
-    """What is carried; its id is the customer's and unique within the request.
+PlaceT = TypeVar("PlaceT", bound=JsonModel)
 
-    With nobody at the destination it goes to the `alternative`, or back to the pickup. The window
-    from `not_before_at` to `latest_at` holds the whole hand-over at the destination.
-    """
+
+class PackageTo(JsonModel, Generic[PlaceT]):
+    """A package whose places have this form."""
 
     package_id: PackageId
     # Strict: true is not 1 kg.
@@ -40,9 +39,9 @@ class Package(JsonModel):
         float,
         Field(ge=0, le=MAX_PACKAGE_MASS_KG, description="Mass in kilograms, 0 to 1000."),
     ]
-    destination: Annotated[Place, Field(description="Where it is handed over.")]
+    destination: Annotated[PlaceT, Field(description="Where it is handed over.")]
     alternative: Annotated[
-        Place | None,
+        PlaceT | None,
         Field(description="Where it goes if nobody is at the destination; the pickup if null."),
     ] = None
     not_before_at: Annotated[
@@ -55,13 +54,24 @@ class Package(JsonModel):
     ] = None
 
 
-class DeliveryRequest(JsonModel):
-    """What a customer asks for: packages, their destinations and the QoS."""
+class Package(PackageTo[Place]):
+    """What is carried; its id is the customer's and unique within the request.
 
-    pickup: Annotated[Place, Field(description="Where all packages are picked up.")]
+    With nobody at the destination it goes to the `alternative`, or back to the pickup. The window
+    from `not_before_at` to `latest_at` holds the whole hand-over at the destination.
+    """
+
+
+PackageT = TypeVar("PackageT", bound=PackageTo)  # type: ignore[type-arg]  # of any place
+
+
+class RequestFor(JsonModel, Generic[PlaceT, PackageT]):
+    """A request whose places and packages have these forms."""
+
+    pickup: Annotated[PlaceT, Field(description="Where all packages are picked up.")]
     # At least one is checked below: pydantic would count only those that are themselves valid.
     packages: Annotated[
-        tuple[Package, ...],
+        tuple[PackageT, ...],
         Field(
             max_length=MAX_PACKAGES,
             json_schema_extra={"minItems": 1},
@@ -89,18 +99,24 @@ class DeliveryRequest(JsonModel):
 
     @field_validator("packages")
     @classmethod
-    def _packages_are_some_and_distinct(cls, packages: tuple[Package, ...]) -> tuple[Package, ...]:
+    def _packages_are_some_and_distinct(
+        cls, packages: tuple[PackageT, ...]
+    ) -> tuple[PackageT, ...]:
         if not packages:
             raise ValueError("at least one package must be given")
         for package_id, times in Counter(package.package_id for package in packages).items():
             if times > 1:
                 raise ValueError(f"package_id {package_id!r} is given {times} times")
-        destinations = {package.destination.station_id for package in packages}
+        destinations = {package.destination for package in packages}
         if len(destinations) > MAX_DESTINATIONS:
             raise ValueError(
                 f"{len(destinations)} distinct destinations exceed the limit of {MAX_DESTINATIONS}"
             )
         return packages
+
+
+class DeliveryRequest(RequestFor[Place, Package]):
+    """What a customer asks for: packages, their destinations and the QoS."""
 
     @property
     def destinations(self) -> tuple[StationId, ...]:

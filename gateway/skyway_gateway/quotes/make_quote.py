@@ -3,7 +3,7 @@
 import contextlib
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Annotated, Final
+from typing import Annotated
 
 from pydantic import Field
 
@@ -26,12 +26,13 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast, due_of, p90_of
+from skyway_gateway.places.customer_request import CustomerRequest, named_station
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.check_request import NO_PROVIDER, RequestChecks
 from skyway_gateway.quotes.store import OFFER_LIFE_S, Offer, OfferedPackage, Quote
 
 
-class QuoteRequest(DeliveryRequest):
+class QuoteRequest(CustomerRequest):
     """A delivery request, and whether its best offers are held until they expire."""
 
     hold: Annotated[
@@ -42,14 +43,6 @@ class QuoteRequest(DeliveryRequest):
             "customer until the offers expire. They then begin after that.",
         ),
     ] = False
-
-    @property
-    def delivery(self) -> DeliveryRequest:
-        """The delivery request alone."""
-        return DeliveryRequest(**{name: getattr(self, name) for name in _OF_DELIVERY})
-
-
-_OF_DELIVERY: Final = tuple(DeliveryRequest.model_fields)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +131,8 @@ class QuoteMaker:
             await self.composition.release(hold_id)
 
     async def _quote(self, caller: Caller, requested: QuoteRequest) -> _Made:
-        request, hold = requested.delivery, self._hold_terms(caller, requested)
+        request = requested.at_stations(named_station)
+        hold = self._hold_terms(caller, requested)
         checked = await self.checks.check(request)
         found = await self.registry.candidates(_candidate_query(request, checked.pickup_position))
         answer = QuoteAnswer(offers=(), infeasible=())

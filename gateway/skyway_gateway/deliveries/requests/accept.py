@@ -34,6 +34,7 @@ from skyway_gateway.deliveries.records.delivery_rows import QueuedDelivery, Stor
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
 from skyway_gateway.notifications.delivery_events import Happening
+from skyway_gateway.places.customer_request import CustomerRequest, named_station
 from skyway_gateway.quotes.accept_offer import OfferKeeper, accept_offer
 from skyway_gateway.quotes.check_request import CheckedRequest, RequestChecks
 from skyway_gateway.quotes.store import hold_of, one_of
@@ -112,7 +113,7 @@ class Acceptance:
     async def accept(
         self,
         caller: Caller,
-        requested: DeliveryRequest | OfferChoice,
+        requested: CustomerRequest | OfferChoice,
         call: KeyedCall,
     ) -> Answer:
         """202 with the delivery, which is written together with its first event.
@@ -162,9 +163,9 @@ class Acceptance:
             await self._release(caller, requested, checked)
         return answer
 
-    async def _check(self, caller: Caller, requested: DeliveryRequest | OfferChoice) -> _Checked:
-        if isinstance(requested, DeliveryRequest):
-            return _Checked(await self.checks.check(requested))
+    async def _check(self, caller: Caller, requested: CustomerRequest | OfferChoice) -> _Checked:
+        if isinstance(requested, CustomerRequest):
+            return _Checked(await self.checks.check(requested.at_stations(named_station)))
         async with self.db.read() as connection:
             quote = await one_of(connection, caller, requested.quote_id)
             hold_id = await hold_of(connection, requested.quote_id)
@@ -180,7 +181,7 @@ class Acceptance:
     async def _release(
         self,
         caller: Caller,
-        requested: DeliveryRequest | OfferChoice,
+        requested: CustomerRequest | OfferChoice,
         checked: _Checked | SkywayError,
     ) -> None:
         """Give up what was held for an offer that nobody has accepted after all.
@@ -200,7 +201,7 @@ class Acceptance:
         self,
         tx: Tx,
         caller: Caller,
-        requested: DeliveryRequest | OfferChoice,
+        requested: CustomerRequest | OfferChoice,
         checked: _Checked | SkywayError,
         *,
         has_key: bool,

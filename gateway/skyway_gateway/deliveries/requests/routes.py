@@ -14,7 +14,6 @@ from skyway.contracts.mission_reports import (
     MissionReport,
     MissionReports,
 )
-from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
 from skyway.runtime.http.answers import (
     NOT_FOUND,
@@ -39,6 +38,7 @@ from skyway_gateway.deliveries.lifecycle.customer_forms import (
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller, CancelRequest
+from skyway_gateway.places.customer_request import CustomerRequest
 
 
 def _form(body: object) -> str:
@@ -48,7 +48,7 @@ def _form(body: object) -> str:
 
 
 RequestOrOffer = Annotated[
-    Annotated[DeliveryRequest, Tag("a request")] | Annotated[OfferChoice, Tag("an offer")],
+    Annotated[CustomerRequest, Tag("a request")] | Annotated[OfferChoice, Tag("an offer")],
     Discriminator(_form),
 ]
 

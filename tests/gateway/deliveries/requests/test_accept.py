@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 from skyway_gateway.app import take_over
+from skyway_gateway.places.customer_request import CustomerRequest
 from skyway_gateway.quotes.store import keep_network
 
 from skyway.contracts.candidate import PayloadLimit
 from skyway.contracts.station_check import NetworkStations
-from skyway.delivery.request import DeliveryRequest
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.runtime.http.identity import Caller
@@ -381,7 +381,7 @@ async def test_a_delivery_that_this_process_books_is_claimed_when_it_is_added(
     for _ in range(2):  # the second call repeats the first
         await acceptance.accept(
             Caller(role="customer", subject_id="alice"),
-            DeliveryRequest.model_validate(request_body()),
+            CustomerRequest.model_validate(request_body()),
             KeyedCall("customer:alice", "POST /v1/deliveries", "once", b""),
         )
 
