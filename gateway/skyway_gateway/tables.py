@@ -246,6 +246,21 @@ tracking_links = Table(
     CheckConstraint("number >= 1", name="tracking_link_number"),
 )
 
+#: What customers say about the people of their deliveries; no other table has any of it. A row
+#: has either its details, or the moment of their erasure.
+personal_data = Table(
+    "personal_data",
+    metadata,
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), primary_key=True),
+    Column("details", Text),  # JSON of personal_data.details.PersonalData; null once erased
+    # When they are erased if the delivery ends the moment it is created; as much later as it ends
+    # later. So a change of the setting does not change what was promised before.
+    Column("due_ms", BigInteger, nullable=False),
+    Column("erased_ms", BigInteger),
+    CheckConstraint("(details IS NULL) = (erased_ms IS NOT NULL)", name="personal_data_erased"),
+    partial_index("personal_data_due", "due_ms", where="details IS NOT NULL"),
+)
+
 #: Up to which age the rows of a table were deleted. A table without a row here still has all.
 pruned = Table(
     "pruned",
