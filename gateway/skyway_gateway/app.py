@@ -82,7 +82,9 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         "3339 UTC, quantities are in SI units, prices in minor units of their currency.",
         # A request is compared with each route in this order: the busiest routes come first.
         routers=[
-            delivery_routes(acceptance=parts.acceptance, canceller=parts.canceller),
+            delivery_routes(
+                acceptance=parts.acceptance, canceller=parts.canceller, changer=parts.changer
+            ),
             report_routes(gate=parts.services, applier=parts.applier),
             quote_routes(context, maker=parts.quote_maker),
             place_routes(places=parts.places),

@@ -165,6 +165,7 @@ def build_parts(
                 settings.live_deliveries_per_customer, settings.scheduled_deliveries_per_customer
             ),
         ),
+        personal_kept=timedelta(days=settings.personal_data_days),
         webhook_quota=WebhookQuota(db, settings.webhooks_per_customer),
         streams=streams,
         quoting=FairQueue(

@@ -33,6 +33,7 @@ from skyway_gateway.deliveries.booking.wake_waiting import Waker
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
+from skyway_gateway.deliveries.requests.change import Changer
 from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
 from skyway_gateway.forward.table import TenantLimit
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
@@ -89,6 +90,7 @@ class Parts:
     horizon: timedelta
     hold_limits: HoldLimits
     quota: DeliveryQuota
+    personal_kept: timedelta
     webhook_quota: WebhookQuota
     streams: Slots
     trials: Slots
@@ -130,6 +132,11 @@ class Parts:
     def canceller(self) -> Canceller:
         """Cancels deliveries."""
         return Canceller(self.db, self.composition, self.writer, self.clock, mint)
+
+    @property
+    def changer(self) -> Changer:
+        """Changes deliveries."""
+        return Changer(self.db, self.writer, self.clock, self.personal_kept)
 
     @property
     def schedule_opener(self) -> ScheduleOpener:
@@ -182,6 +189,7 @@ class Parts:
             self.horizon,
             self.quota,
             self.links,
+            self.personal_kept,
         )
 
     @property

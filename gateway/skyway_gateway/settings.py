@@ -86,6 +86,13 @@ class GatewaySettings(CellSettings):
         description="Days of fleet time for which a delivery is kept after its end, and at least "
         "25 hours of wall time. Without it deliveries are kept for ever.",
     )
+    personal_data_days: float = Field(
+        default=30.0,
+        ge=0.0,
+        le=36_500.0,
+        description="Days of fleet time after a delivery's end until its personal data is erased. "
+        "A change holds for what customers write from then on.",
+    )
     audit_days: float | None = Field(
         default=None,
         ge=1.0,

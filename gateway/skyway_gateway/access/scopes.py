@@ -70,6 +70,8 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
     ),
     "deliveries:write": (
         "POST /v1/deliveries",
+        "PATCH /v1/deliveries/{delivery_id}",
+        "DELETE /v1/deliveries/{delivery_id}/personal-data",
         "POST /v1/deliveries/{delivery_id}/cancel",
         "POST /v1/deliveries/{delivery_id}/tracking-link",
         "DELETE /v1/deliveries/{delivery_id}/tracking-link",

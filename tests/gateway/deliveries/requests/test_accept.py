@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from skyway_gateway.app import take_over
-from skyway_gateway.places.customer_request import CustomerRequest
+from skyway_gateway.deliveries.lifecycle.customer_forms import NewDelivery
 from skyway_gateway.quotes.store import keep_network
 
 from skyway.contracts.candidate import PayloadLimit
@@ -225,7 +225,8 @@ async def test_an_accepted_request_is_a_delivery_in_its_first_state(
     assert answer.headers["location"] == f"/v1/deliveries/{delivery['delivery_id']}"
     url = delivery.pop("tracking_url")
     assert url.startswith(f"http://gateway/track/{delivery['delivery_id']}/")
-    assert delivery == await gateway.get(delivery["delivery_id"])
+    listed = await gateway.http.get("/v1/deliveries", headers=gateway.customer)
+    assert [delivery] == listed.json()["items"]
     assert delivery["state"] == "REQUESTED"
     assert delivery["customer_id"] == "alice"
     assert delivery["reference"] == "order 7"
@@ -381,7 +382,7 @@ async def test_a_delivery_that_this_process_books_is_claimed_when_it_is_added(
     for _ in range(2):  # the second call repeats the first
         await acceptance.accept(
             Caller(role="customer", subject_id="alice"),
-            CustomerRequest.model_validate(request_body()),
+            NewDelivery.model_validate(request_body()),
             KeyedCall("customer:alice", "POST /v1/deliveries", "once", b""),
         )
 
