@@ -8,8 +8,8 @@ an error would matter, ask composition: `check_stations` asks all its servers.
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
 
 from skyway.cells import CellClients, ask_all
 from skyway.contracts.station_check import NetworkStations, StationCheck, StationCheckQuery
@@ -35,6 +35,15 @@ _CHECKED_WITHIN_S: Final = 10.0
 AllStations = Callable[[NetworkId], Awaitable[NetworkStations]]
 
 
+class KnownStation(NamedTuple):
+    """A station of a cached network; a way leads to all stations with the same `area`."""
+
+    station_id: StationId
+    area: tuple[NetworkId, int]
+    position: Position
+    name: str | None
+
+
 @dataclass(frozen=True, slots=True)
 class _CachedVersion:
     """The stations of one version, each with its position and its part of the network."""
@@ -43,13 +52,14 @@ class _CachedVersion:
     places: Mapping[StationId, tuple[Position, int]]
     loading_s: float = 0.0
     dropoff_s: float = 0.0
+    names: Mapping[StationId, str] = field(default_factory=dict)
 
 
 class CachedNetworks:
     """One version of each network by its stations; a station belongs to one network.
 
     `revision` grows with each change: results that were computed from the cache are then outdated.
-    Versions that have left the cache are kept for `last_position_if_connected` alone.
+    Versions that have left the cache are kept for questions that accept outdated ones.
     """
 
     def __init__(self) -> None:
@@ -92,6 +102,13 @@ class CachedNetworks:
         for network in {**self._outdated, **self._networks}.values():
             yield from network.places
 
+    def stations(self) -> Iterator[KnownStation]:
+        """The stations of all networks, outdated ones too."""
+        for network_id, network in {**self._outdated, **self._networks}.items():
+            for station_id, (position, part) in network.places.items():
+                name = network.names.get(station_id)
+                yield KnownStation(station_id, (network_id, part), position, name)
+
     def service_times_s(self, station_id: StationId) -> tuple[float, float]:
         """How long loading and a hand-over take in a station's network; 0 if it is not cached."""
         for network in self._networks.values():
@@ -116,8 +133,9 @@ class CachedNetworks:
         self.revision += 1
 
     def put_outdated(self, stations: NetworkStations) -> None:
-        """Keep a version that may have been replaced, for `last_position_if_connected` alone."""
+        """Keep a version that may have been replaced, for questions that accept one."""
         self._outdated[stations.network_id] = _cached_version(stations)
+        self.revision += 1
 
     def drop(self, network_id: NetworkId) -> None:
         """Remove a network from the cache."""
@@ -135,7 +153,8 @@ class CachedNetworks:
 def _cached_version(stations: NetworkStations) -> _CachedVersion:
     each = zip(stations.positions, stations.parts, strict=True)
     places = dict(zip(stations.station_ids, each, strict=True))
-    return _CachedVersion(stations.version, places, stations.loading_s, stations.dropoff_s)
+    times_s = stations.loading_s, stations.dropoff_s
+    return _CachedVersion(stations.version, places, *times_s, names=stations.names)
 
 
 def _position_if_connected(
@@ -289,6 +308,7 @@ def _together(query: StationCheckQuery, checks: list[StationCheck]) -> StationCh
         positions={name: each for check in checks for name, each in check.positions.items()},
         unknown=tuple(each for each in asked if each not in network_ids),
         unreachable=tuple(each for each in asked if each in network_ids and each not in reached),
+        closed=tuple(each for check in checks for each in check.closed),
         isolated=tuple(each for check in checks for each in check.isolated),
         networks={name: each for check in checks for name, each in check.networks.items()},
     )

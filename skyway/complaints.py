@@ -64,6 +64,8 @@ _MOST_COMPARED: Final = 200
 _PATTERNS: Final = {
     "^[A-Za-z0-9_-]+$": "may have only letters, digits, - and _",
     "^[A-Z]{3}$": "must be three capital letters, such as USD",
+    "^[+][1-9][0-9]{6,14}$": "must be a phone number in E.164 form, such as +15125550100",
+    "^[^@\\s]+@[^@\\s]+[.][^@\\s]+$": "must be an e-mail address, such as ana@example.org",
 }
 _FOREIGN: Final = frozenset(get_args(ErrorType))
 

@@ -59,6 +59,7 @@ from skyway_gateway.notifications.routes import (
 )
 from skyway_gateway.notifications.seal_secrets import seal_secrets
 from skyway_gateway.parts import SERVICE, Parts
+from skyway_gateway.places.routes import place_routes
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.quotes.store import read_networks
 from skyway_gateway.settings import GatewaySettings
@@ -81,9 +82,12 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         "3339 UTC, quantities are in SI units, prices in minor units of their currency.",
         # A request is compared with each route in this order: the busiest routes come first.
         routers=[
-            delivery_routes(acceptance=parts.acceptance, canceller=parts.canceller),
+            delivery_routes(
+                acceptance=parts.acceptance, canceller=parts.canceller, changer=parts.changer
+            ),
             report_routes(gate=parts.services, applier=parts.applier),
             quote_routes(context, maker=parts.quote_maker),
+            place_routes(places=parts.places),
             reading_routes(
                 context,
                 composition=parts.composition,
@@ -182,6 +186,7 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             await opened.enter_async_context(parts.clients["registry"])
             await opened.enter_async_context(parts.servers)
             await opened.enter_async_context(parts.post)
+            opened.push_async_callback(parts.places.locator.geocoder.close)
             await opened.enter_async_context(mqtt)
             loops = await opened.enter_async_context(Loops())
             start_work(loops, parts, mqtt, settings)

@@ -6,7 +6,7 @@ from datetime import timedelta
 from functools import partial
 from typing import Final
 
-from skyway.announced_networks import NetworkLearner, stations_from
+from skyway.announced_networks import CachedNetworks, NetworkLearner, stations_from
 from skyway.cells import CellClients
 from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
@@ -25,7 +25,7 @@ from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.login_codes import LoginCodes
 from skyway_gateway.access.recognise import AllKeys, CachedKeys, DroneKeys, KeysInUse
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
-from skyway_gateway.clients import NetworkFinder, RestRegistry, RoutedComposition
+from skyway_gateway.clients import Composition, NetworkFinder, RestRegistry, RoutedComposition
 from skyway_gateway.console.console_files import BaseMap
 from skyway_gateway.console.system_routes import SmallWorld
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
@@ -45,9 +45,15 @@ from skyway_gateway.notifications.secret_vault import SecretVault
 from skyway_gateway.notifications.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhook_store import WebhookQuota
 from skyway_gateway.parts import SERVICE, Parts
+from skyway_gateway.places.geocoder import NameGeocoder
+from skyway_gateway.places.http_geocoder import HttpGeocoder
+from skyway_gateway.places.locate import Locator
+from skyway_gateway.places.serve import PlaceServer
+from skyway_gateway.places.station_map import StationMap
 from skyway_gateway.quotes.make_quote import HoldLimits
 from skyway_gateway.quotes.store import keep_network
 from skyway_gateway.settings import GatewaySettings
+from skyway_gateway.short_wait import ShortWait
 from skyway_gateway.tables import outbox, replicas
 from skyway_gateway.tracking.pages import TrackingPages
 from skyway_gateway.tracking_links import TRACKING_PATHS, TrackingLinks
@@ -57,6 +63,10 @@ _QUOTES_PER_TENANT: Final = 2
 _COMPOSITIONS_PER_TENANT: Final = 1
 #: Reports of one tenant that are read at the same time.
 _REPORTS_PER_TENANT: Final = 2
+
+#: Addresses that are looked up at the same time, and those of one tenant.
+_GEOCODED_AT_ONCE: Final = 8
+_GEOCODED_OF_TENANT: Final = 3
 
 #: Streams of tracking pages of one delivery that may be open.
 _FOLLOWERS_OF_A_DELIVERY: Final = 20
@@ -109,6 +119,7 @@ def build_parts(
         servers=servers,
         find=find,
         networks=networks,
+        places=_places(settings, networks.cached, composition, meters, clock),
         cached_keys=cached_keys,
         cached_sessions=cached_sessions,
         login_codes=LoginCodes(db, clock, public_url),
@@ -154,6 +165,7 @@ def build_parts(
                 settings.live_deliveries_per_customer, settings.scheduled_deliveries_per_customer
             ),
         ),
+        personal_kept=timedelta(days=settings.personal_data_days),
         webhook_quota=WebhookQuota(db, settings.webhooks_per_customer),
         streams=streams,
         quoting=FairQueue(
@@ -191,6 +203,25 @@ def build_parts(
             most_views=settings.live_views_per_tenant,
         ),
     )
+
+
+def _places(
+    settings: GatewaySettings,
+    networks: CachedNetworks,
+    composition: Composition,
+    meters: Meters,
+    clock: FleetClock,
+) -> PlaceServer:
+    stations, url = StationMap(networks), settings.geocoder_url
+    geocoder = NameGeocoder(stations) if url is None else HttpGeocoder(url, clock)
+    turns = FairQueue(
+        "GEOCODING",
+        at_once=_GEOCODED_AT_ONCE,
+        per_tenant=_GEOCODED_OF_TENANT,
+        most_waiting=settings.plans_waiting_per_tenant,
+    )
+    locator = Locator(geocoder, turns, meters.tenants)
+    return PlaceServer(locator, stations, composition, ShortWait())
 
 
 def _slot_limits(settings: GatewaySettings) -> SlotLimits:

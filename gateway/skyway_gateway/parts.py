@@ -33,6 +33,7 @@ from skyway_gateway.deliveries.booking.wake_waiting import Waker
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
+from skyway_gateway.deliveries.requests.change import Changer
 from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
 from skyway_gateway.forward.table import TenantLimit
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
@@ -42,8 +43,9 @@ from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
 from skyway_gateway.notifications.secret_vault import SecretVault
 from skyway_gateway.notifications.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhook_store import WebhookQuota
+from skyway_gateway.places.serve import PlaceServer
 from skyway_gateway.quotes.accept_offer import OfferKeeper
-from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks, ShortWait
+from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks
 from skyway_gateway.quotes.make_quote import HoldLimits, QuoteMaker
 from skyway_gateway.tracking.pages import TrackingPages
 from skyway_gateway.tracking_links import TrackingLinks
@@ -65,6 +67,7 @@ class Parts:
     servers: CellClients
     find: NetworkFinder
     networks: NetworkLearner
+    places: PlaceServer
     cached_keys: CachedKeys
     cached_sessions: CachedKeys
     login_codes: LoginCodes
@@ -87,6 +90,7 @@ class Parts:
     horizon: timedelta
     hold_limits: HoldLimits
     quota: DeliveryQuota
+    personal_kept: timedelta
     webhook_quota: WebhookQuota
     streams: Slots
     trials: Slots
@@ -130,6 +134,11 @@ class Parts:
         return Canceller(self.db, self.composition, self.writer, self.clock, mint)
 
     @property
+    def changer(self) -> Changer:
+        """Changes deliveries."""
+        return Changer(self.db, self.writer, self.clock, self.personal_kept)
+
+    @property
     def schedule_opener(self) -> ScheduleOpener:
         """Requests deliveries whose pickup has come within the booking horizon."""
         return ScheduleOpener(self.db, self.writer, self.clock, self.booking.queued, self.horizon)
@@ -161,6 +170,7 @@ class Parts:
             self.quoting,
             self.networks.cached,
             self.forecast,
+            self.places,
         )
 
     @property
@@ -169,6 +179,7 @@ class Parts:
         keeper = OfferKeeper(self.registry, self.composition, self.clock)
         return Acceptance(
             self.db,
+            self.places,
             self.checks,
             keeper,
             self.writer,
@@ -178,6 +189,7 @@ class Parts:
             self.horizon,
             self.quota,
             self.links,
+            self.personal_kept,
         )
 
     @property
@@ -185,5 +197,5 @@ class Parts:
         """Checks delivery requests against networks and fleets."""
         limits = CachedPayloadLimits(self.registry, self.clock)
         return RequestChecks(
-            limits, self.networks.cached, self.composition, self.clock, ShortWait()
+            limits, self.networks.cached, self.composition, self.clock, self.places.wait
         )

@@ -4,7 +4,7 @@ import os
 from ipaddress import IPv4Network, IPv6Network, ip_address, ip_network
 from pathlib import Path
 from socket import socket
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import AnyHttpUrl, Field, ValidationInfo, field_validator
 from pydantic_settings import NoDecode
@@ -12,6 +12,9 @@ from pydantic_settings import NoDecode
 from skyway.cells import CellSettings
 from skyway.contracts.candidate import MOST_QUERIES
 from skyway.ids import NetworkId
+
+#: Where the address stands in the URL of a geocoder.
+ADDRESS: Final = "{address}"
 
 
 class GatewaySettings(CellSettings):
@@ -52,6 +55,14 @@ class GatewaySettings(CellSettings):
     bookings_at_once: int = Field(
         default=8, ge=1, le=MOST_QUERIES, description="Deliveries that are booked at the same time."
     )
+    geocoder_url: str | None = Field(
+        default=None,
+        description="The URL of a geocoder that answers GeoJSON, with `{address}` where the "
+        "address stands: `https://photon.example/api?limit=5&q={address}` (Photon), "
+        "`https://pelias.example/v1/search?text={address}` (Pelias) or "
+        "`https://nominatim.example/search?format=geojson&q={address}` (Nominatim). Without it the "
+        "embedded geocoder knows names of stations and towns, and no streets.",
+    )
     booking_horizon_h: float = Field(
         default=24.0,
         ge=0.1,
@@ -74,6 +85,13 @@ class GatewaySettings(CellSettings):
         le=36_500.0,
         description="Days of fleet time for which a delivery is kept after its end, and at least "
         "25 hours of wall time. Without it deliveries are kept for ever.",
+    )
+    personal_data_days: float = Field(
+        default=30.0,
+        ge=0.0,
+        le=36_500.0,
+        description="Days of fleet time after a delivery's end until its personal data is erased. "
+        "A change holds for what customers write from then on.",
     )
     audit_days: float | None = Field(
         default=None,
@@ -245,6 +263,13 @@ class GatewaySettings(CellSettings):
                 "such as https://skyway.example.org"
             )
         return AnyHttpUrl(f"http://{shown}:{port}")
+
+    @field_validator("geocoder_url")
+    @classmethod
+    def _has_room_for_address(cls, value: str | None) -> str | None:
+        if value is None or (value.startswith(("http://", "https://")) and ADDRESS in value):
+            return value or None
+        raise ValueError(f"must begin with http:// or https:// and hold {ADDRESS}")
 
     @field_validator("closed_networks", mode="before")
     @classmethod

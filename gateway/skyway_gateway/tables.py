@@ -117,6 +117,8 @@ quotes = Table(
     Column("quote_id", Text, primary_key=True),
     Column("customer_id", Text, nullable=False),
     Column("request", Text, nullable=False),  # JSON of skyway.delivery.request.DeliveryRequest
+    # JSON list of places.served.ServedPlace: personal data, deleted with the quote
+    Column("places", Text, nullable=False),
     Column("offers", Text, nullable=False),  # JSON list of quotes.store.Offer
     Column("infeasible", Text, nullable=False),  # JSON list of ProviderReason
     Column("made_ms", BigInteger, nullable=False),
@@ -126,6 +128,7 @@ quotes = Table(
     # What composition holds for its first offers until they expire; null if nothing is held.
     Column("hold_id", Text),
     Index("quotes_by_expiry", "expires_wall_ms"),
+    partial_index("quotes_taken", "delivery_id", where="delivery_id IS NOT NULL"),
     partial_index("quotes_held", "expires_wall_ms", where="hold_id IS NOT NULL"),
 )
 
@@ -244,6 +247,21 @@ tracking_links = Table(
     Column("number", Integer, nullable=False),
     Column("is_withdrawn", Boolean, nullable=False),
     CheckConstraint("number >= 1", name="tracking_link_number"),
+)
+
+#: What customers say about the people of their deliveries; no other table has any of it. A row
+#: has either its details, or the moment of their erasure.
+personal_data = Table(
+    "personal_data",
+    metadata,
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), primary_key=True),
+    Column("details", Text),  # JSON of personal_data.details.PersonalData; null once erased
+    # When they are erased if the delivery ends the moment it is created; as much later as it ends
+    # later. So a change of the setting does not change what was promised before.
+    Column("due_ms", BigInteger, nullable=False),
+    Column("erased_ms", BigInteger),
+    CheckConstraint("(details IS NULL) = (erased_ms IS NOT NULL)", name="personal_data_erased"),
+    partial_index("personal_data_due", "due_ms", where="details IS NOT NULL"),
 )
 
 #: Up to which age the rows of a table were deleted. A table without a row here still has all.

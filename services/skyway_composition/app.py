@@ -123,7 +123,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 clock=clock,
                 count_drones=parts.count_drones,
             ),
-            station_check_routes(db=db, gate=gate, networks=networks),
+            station_check_routes(db=db, gate=gate, networks=networks, clock=clock),
             pad_routes(db=db, gate=gate, clock=clock),
             live_routes(db=db, gate=gate, clock=clock),
             statistics_routes(db=db, gate=gate, clock=clock),

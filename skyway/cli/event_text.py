@@ -27,6 +27,8 @@ def _sentence(event_type: str, data: EventData) -> str:
     match event_type:
         case "delivery.requested":
             return f"requested: {_packages(data['request']['packages'])}"
+        case "delivery.changed":
+            return f"changed by the customer: {', '.join(data['changed'])}"
         case "delivery.scheduled":
             return f"scheduled: a drone is booked from {_clock(data['books_from_at'])} on"
         case "delivery.planned":

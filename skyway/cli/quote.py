@@ -115,12 +115,10 @@ def _offers(answer: dict[str, Any], names: dict[str, str]) -> Iterator[str]:
     """The lines about the offers, the best offer first."""
     if not answer["offers"]:
         return
-    places = {
-        package["package_id"]: package["destination"]["station_id"]
-        for package in answer["request"]["packages"]
-    }
     quote_id = answer["quote_id"]
     yield f"quote {quote_id}, fleet time {_moment(answer['made_at'])}"
+    for place in answer["places"]:
+        yield f"{', '.join(place['fields'])}: {_walks(place)}"
     for number, offer in enumerate(answer["offers"], start=1):
         provider_id = offer["provider_id"]
         yield (
@@ -134,12 +132,18 @@ def _offers(answer: dict[str, Any], names: dict[str, str]) -> Iterator[str]:
             package_id = package["package_id"]
             p90_at = package.get("eta_p90_at")
             by = f", nine of ten by {_moment(p90_at)}" if p90_at else ""
-            place = places[package_id]
+            place = package["destination_station_id"]
             yield f"   arrival  {_moment(package['eta_at'])}  {package_id} at {place}{by}"
         yield from _margin(offer["margins"].get("risk"))
         kept = "its drones and pads are held until then" if offer["is_held"] else "nothing is held"
         yield f"   expires  {_moment(offer['expires_wall_at'])} wall time; {kept}"
         yield f"   accept   skyway accept {quote_id} {offer['offer_id']}"
+
+
+def _walks(place: dict[str, Any]) -> str:
+    """How far the stations near a place are, the nearest first."""
+    stations = (place["served_by"], *place["alternatives"])
+    return ", ".join(f"{each['walk_m']:.0f} m to {each['station_id']}" for each in stations)
 
 
 def _margin(risk: dict[str, Any] | None) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """The options that say what a customer requests, and the JSON of the delivery request they make."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,15 +15,18 @@ from skyway.json_text import json_value
 
 CUSTOMER_KEY: Final = "SKYWAY_CUSTOMER_KEY"
 
-PickupArgument = Annotated[str | None, typer.Argument(help="The pickup station.")]
+PickupArgument = Annotated[
+    str | None, typer.Argument(help="The pickup: a station, LAT,LON, a plus code or an address.")
+]
 
 PackageOption = Annotated[
     list[str] | None,
     typer.Option(
         "--package",
         "-p",
-        metavar="STATION=KG",
-        help="The destination and the mass of a package; repeat it for each package.",
+        metavar="PLACE=KG",
+        help="The destination (a station, LAT,LON, a plus code or an address) and the mass of a "
+        "package; repeat it for each package.",
     ),
 ]
 
@@ -112,16 +116,16 @@ LatestPickupOption = Annotated[
 NotBeforeOption = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="[STATION=]MOMENT",
-        help="The hand-over does not begin before; without STATION at every destination.",
+        metavar="[PLACE=]MOMENT",
+        help="The hand-over does not begin before; without PLACE at every destination.",
     ),
 ]
 
 LatestOption = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="[STATION=]MOMENT",
-        help="The hand-over is over by then; without STATION at every destination.",
+        metavar="[PLACE=]MOMENT",
+        help="The hand-over is over by then; without PLACE at every destination.",
     ),
 ]
 
@@ -196,9 +200,9 @@ class RequestOptions:
                 fail(f"--file excludes {options}: write what you request into {self.file}")
             return _object(self.file)
         if not self.pickup or not self.packages:
-            fail("give a pickup station and at least one --package STATION=KG, or --file")
+            fail("give a pickup and at least one --package PLACE=KG, or --file")
         request: dict[str, Any] = {
-            "pickup": {"station_id": self.pickup},
+            "pickup": _place(self.pickup),
             "packages": [_package(number, text) for number, text in enumerate(self.packages, 1)],
             "qos": {
                 "objective": self.objective,
@@ -225,15 +229,24 @@ def _object(file: Path) -> dict[str, Any]:
 
 
 def _package(number: int, text: str) -> dict[str, Any]:
-    destination, equals, mass = text.partition("=")
+    destination, equals, mass = text.rpartition("=")
     if not destination or not equals:
-        fail(f"--package {text}: write --package STATION=KG, such as --package mcqueeney=0.8")
+        fail(f"--package {text}: write --package PLACE=KG, such as --package mcqueeney=0.8")
     try:
         mass_kg = float(mass)
     except ValueError:
         fail(f"--package {text}: {mass!r} is not a mass in kg")
-    place = {"station_id": destination}
-    return {"package_id": f"p{number}", "mass_kg": mass_kg, "destination": place}
+    return {"package_id": f"p{number}", "mass_kg": mass_kg, "destination": _place(destination)}
+
+
+def _place(text: str) -> dict[str, Any]:
+    """A place by the form of its text; what is no id, no numbers and no plus code is an address."""
+    if re.fullmatch(r"[A-Za-z0-9_-]+", text):
+        return {"station_id": text}
+    if found := re.fullmatch(r"\s*(-?\d+\.?\d*)\s*,\s*(-?\d+\.?\d*)\s*", text):
+        return {"location": {"latitude": float(found[1]), "longitude": float(found[2])}}
+    is_plus_code = re.match(r"[2-9A-Za-z]{4,8}\+", text)
+    return {"plus_code": text} if is_plus_code else {"address": text}
 
 
 def _set_window(request: dict[str, Any], option: str, text: str, read_moment: ReadMoment) -> None:
@@ -246,7 +259,7 @@ def _set_window(request: dict[str, Any], option: str, text: str, read_moment: Re
     chosen = [
         package
         for package in request["packages"]
-        if not equals or package["destination"]["station_id"] == station
+        if not equals or package["destination"] == _place(station)
     ]
     if not chosen:
         fail(f"{option} {text}: no --package goes to {station!r}")

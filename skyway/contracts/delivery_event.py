@@ -13,6 +13,7 @@ class DeliveryEventType(StrEnum):
     """The kinds of events that the gateway reports to the customer of a delivery."""
 
     REQUESTED = "delivery.requested"
+    CHANGED = "delivery.changed"
     SCHEDULED = "delivery.scheduled"
     PLANNED = "delivery.planned"
     DISPATCHED = "delivery.dispatched"

@@ -64,6 +64,19 @@ class RequestedData(WireModel):
     request: Annotated[DeliveryRequest, Field(description="The request as it was accepted.")]
 
 
+class ChangedData(WireModel):
+    """What the customer has changed; who may see the new values reads the delivery."""
+
+    changed: Annotated[
+        tuple[str, ...],
+        Field(
+            description="The names of what was changed, such as `recipient`, `metadata`, "
+            "`reference` and `packages.p1.instructions`."
+        ),
+    ]
+    reference: Annotated[str | None, Field(description="The customer's own word for the delivery.")]
+
+
 class ScheduledData(WireModel):
     """The moment from which a drone is looked for; nothing is held before."""
 

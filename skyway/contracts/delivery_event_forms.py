@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from skyway.contracts.delivery_event_data import (
+    ChangedData,
     CompletedData,
     DelayedData,
     DispatchedData,
@@ -47,6 +48,13 @@ class DeliveryRequestedEvent(_Event):
 
     type: Annotated[Literal["delivery.requested"], _About]
     data: Annotated[RequestedData, _Data]
+
+
+class DeliveryChangedEvent(_Event):
+    """The customer has changed what it said about a delivery."""
+
+    type: Annotated[Literal["delivery.changed"], _About] = "delivery.changed"
+    data: Annotated[ChangedData, _Data]
 
 
 class DeliveryScheduledEvent(_Event):
@@ -163,6 +171,7 @@ class PackageCancelledEvent(_Event):
 
 AnyDeliveryEvent = Annotated[
     DeliveryRequestedEvent
+    | DeliveryChangedEvent
     | DeliveryScheduledEvent
     | DeliveryPlannedEvent
     | DeliveryDispatchedEvent

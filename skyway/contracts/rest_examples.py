@@ -191,6 +191,12 @@ _REQUEST: Final[dict[str, Any]] = {
     ],
     "reference": "order 1042",
 }
+_PEOPLE: Final[dict[str, Any]] = {
+    "recipient": {"name": "Ana Ruiz", "phone": "+15125550100", "email": "ana@example.org"},
+    "sender": {"name": "River Books", "phone": "+15125550199"},
+    "instructions": "Ring at the blue door.",
+    "metadata": {"order": "1042"},
+}
 _MODEL: Final[dict[str, Any]] = {
     "model_id": "dji-matrice-300-rtk",
     "empty_mass_kg": 6.3,
@@ -280,8 +286,11 @@ BY_SCHEMA: Final[Mapping[str, Any]] = {
         "source": "san-marcos",
         "packages": [{"package_id": "p1", "mass_kg": 0.8, "destination": "mcqueeney"}],
     },
+    "Contact": _PEOPLE["recipient"],
     "DeliveryRequest": _REQUEST,
     "CustomerRequest": _REQUEST,
+    "DeliveryChange": {"instructions": "Ring twice.", "metadata": {"order": "1043"}},
+    "NewDelivery": {**_REQUEST, **_PEOPLE},
     "QuoteRequest": {**_REQUEST, "hold": True},
     "ReplayRequest": {"from_wall_at": "2026-03-02T09:00:00Z", "to_wall_at": "2026-03-02T12:00:00Z"},
     "DroneModel": _MODEL,

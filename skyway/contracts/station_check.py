@@ -48,6 +48,9 @@ class StationCheck(WireModel):
     unreachable: Annotated[
         tuple[StationId, ...], Field(description="The stations to which no path leads.")
     ] = ()
+    closed: Annotated[
+        tuple[StationId, ...], Field(description="The stations that a closure forbids now.")
+    ] = ()
     isolated: Annotated[
         tuple[StationId, ...], Field(description="The stations that no segment leaves.")
     ] = ()
@@ -73,6 +76,9 @@ class NetworkStations(WireModel):
         tuple[Position, ...], Field(description="Where the station of each row is, in degrees.")
     ] = ()
     parts: Annotated[tuple[int, ...], Field(description="The connected part of each row.")] = ()
+    names: Annotated[
+        dict[StationId, str], Field(description="The name for people of each station with one.")
+    ] = Field(default_factory=dict)
     loading_s: Annotated[
         float, Field(ge=0, description="How long loading takes in the network, seconds.")
     ] = 0.0

@@ -5,7 +5,7 @@
 - `geojson`, `geojson_text`, `nx`: in and out as GeoJSON and as NetworkX graphs.
 - `feature_columns`, `station_columns`, `line_columns`, `column_fields`: the fast reader.
 - `geojson_features`, `fields`: the reader that names each fault.
-- `bundled`, `synthetic`: the Texas corridor, and made-up cities.
+- `bundled`, `gazetteer`, `synthetic`: the Texas corridor, its places, and made-up cities.
 - `opening_hours`, `pad_power`, `pad_connectors`: properties of stations that the planner reads.
 - `zones`, `near_pairs`, `great_circle`, `components`: geometry and reachability.
 - `geojson_schema`: the JSON schema that the REST documents show.

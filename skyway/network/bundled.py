@@ -3,14 +3,13 @@
 Places are GeoNames', airports airportsdata's; both lie in `data/`, with their licences.
 """
 
-import json
 import math
 from collections.abc import Iterable, Mapping
-from importlib.resources import files
 from typing import Any
 
 from skyway.geo import EARTH_RADIUS_M, Position, distance_m
 from skyway.ids import StationId, ZoneId
+from skyway.network.gazetteer import bundled_extract
 from skyway.network.near_pairs import segments_in_sight
 from skyway.network.network import DEFAULT_PADS, Network, Station, Zone
 
@@ -36,8 +35,7 @@ def texas_corridor(*, max_segment_m: float = 20_000.0) -> Network:
     max_segment_m
         The longest line of sight.
     """
-    source = files("skyway.network").joinpath("data", "texas_corridor.json")
-    extract = json.loads(source.read_text(encoding="utf-8"))
+    extract = bundled_extract()
     stations = {station.station_id: station for station in map(_station, extract["places"])}
     zones = tuple(_disc(airport, stations.values()) for airport in extract["airports"])
     segments = segments_in_sight(stations, max_segment_m=max_segment_m, zones=zones)

@@ -115,7 +115,13 @@ def test_every_object_within_a_patch_is_merged_by_a_test_of_its_own() -> None:
         if any("properties" in form for form in member.forms)
     }
 
-    assert objects == {("PATCH /v1/providers/{provider_id}", "tariff")}
+    assert objects == {
+        ("PATCH /v1/providers/{provider_id}", "tariff"),
+        ("PATCH /v1/deliveries/{delivery_id}", "recipient"),
+        ("PATCH /v1/deliveries/{delivery_id}", "sender"),
+        ("PATCH /v1/deliveries/{delivery_id}", "packages.0"),
+        ("PATCH /v1/deliveries/{delivery_id}", "packages.0.recipient"),
+    }
 
 
 def fault_of(answer: Any, field: str) -> str | None:

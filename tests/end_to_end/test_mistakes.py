@@ -32,9 +32,9 @@ COMMANDS: Final[tuple[tuple[tuple[str, ...], str], ...]] = (
     (("request", HERE, "-p", "oops-3=0.5"), "did you mean 'oops-s3'"),
     (("request", HERE, "-p", f"{THERE}=0,5"), "'0,5' is not a mass in kg"),
     (("request", HERE, "-p", f"{THERE}=-1"), "packages.0.mass_kg: must be at least"),
-    (("request", HERE, "-p", THERE), "write --package STATION=KG"),
+    (("request", HERE, "-p", THERE), "write --package PLACE=KG"),
     (("request", HERE, "-p", f"{HERE}=1"), "is the pickup: choose another station"),
-    (("request", HERE), "give a pickup station and at least one --package"),
+    (("request", HERE), "give a pickup and at least one --package"),
     (("request", "Oops S1", "-p", f"{THERE}=1"), "pickup.station_id"),
     (("request", HERE, "-p", f"{THERE}=1", "--objective", "quickest"), "'quickest' is not one of"),
     (

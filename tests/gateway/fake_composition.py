@@ -127,6 +127,8 @@ class FakeComposition:
     is_away: bool = False
     is_busy: bool = False
     has_networks: bool = True
+    #: The stations that a closure forbids.
+    shut: set[str] = field(default_factory=set)
     reasons: list[ProviderReason] = field(default_factory=list)
     #: The margins of every mission.
     margins: Margins = field(default_factory=Margins)
@@ -177,6 +179,7 @@ class FakeComposition:
             positions={one: Position(-98.0, 29.0 + STATIONS.index(one)) for one in known},
             unknown=tuple(one for one in query.station_ids if one not in STATIONS),
             unreachable=tuple(one for one in known if one in ("island", "dallas")),
+            closed=tuple(one for one in known if one in self.shut),
         )
 
     async def quote(self, query: QuoteQuery) -> QuoteAnswer:

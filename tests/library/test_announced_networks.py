@@ -52,6 +52,21 @@ def test_other_stations_are_not_connected(cached: CachedNetworks, start: str, en
     assert position_if_connected(cached, start, end) is None
 
 
+def test_stations_are_listed_with_their_names_and_connected_areas(cached: CachedNetworks) -> None:
+    named = make_network("town", version=2, t=0).model_copy(update={"names": {"t": "Market"}})
+    cached.put(named)
+    cached.drop(NetworkId("city"))  # the last version that is known stays listed
+
+    listed = {each.station_id: (each.area, each.name) for each in cached.stations()}
+
+    assert listed == {
+        "a": (("city", 0), None),
+        "b": (("city", 0), None),
+        "island": (("city", 2), None),
+        "t": (("town", 0), "Market"),
+    }
+
+
 @pytest.mark.parametrize(("station", "network"), [("island", "city"), ("t", "town"), ("new", None)])
 def test_a_cached_station_has_one_network(
     cached: CachedNetworks, station: str, network: str | None

@@ -1,4 +1,4 @@
-"""Newer corruptions of keys, sessions, login and tracking links, and of drones' credentials."""
+"""Newer corruptions of keys, sessions, links and personal data, and of drones' credentials."""
 
 from typing import Final
 
@@ -183,4 +183,35 @@ _SIGNING: Final = (
     ),
 )
 
-ACCESS_AND_SIGNING: Final = (*_ACCESS, *_SIGNING)
+_PERSONAL: Final = (
+    Corruption(
+        "personal data that was never erased",
+        "personal data is erased in time",
+        gateway=f"UPDATE deliveries SET created_ms = created_ms - {40 * _DAY_MS},"
+        f" updated_ms = updated_ms - {40 * _DAY_MS} WHERE delivery_id = :completed;"
+        f" UPDATE personal_data SET due_ms = due_ms - {40 * _DAY_MS}",
+    ),
+    Corruption(
+        "personal data that is kept for a thousand years",
+        "personal data is kept for a time that can be promised",
+        gateway=f"UPDATE personal_data SET due_ms = due_ms + {365_000 * _DAY_MS}",
+    ),
+    Corruption(
+        "personal data of a delivery that does not exist",
+        "every row that is referred to exists",
+        gateway="UPDATE personal_data SET delivery_id = 'dlv_other'",
+    ),
+    Corruption(
+        "personal data erased next year",
+        "what is stored as past is past, by fleet time",
+        gateway="UPDATE personal_data SET details = NULL,"
+        f" erased_ms = 1795800000000 + {400 * _DAY_MS}",
+    ),
+    Corruption(
+        "half of the personal data",
+        "every stored text has its form",
+        gateway="UPDATE personal_data SET details = substr(details, 1, 9)",
+    ),
+)
+
+ACCESS_AND_SIGNING: Final = (*_ACCESS, *_SIGNING, *_PERSONAL)

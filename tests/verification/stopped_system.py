@@ -219,6 +219,7 @@ def _accept_an_offer(system: LocalSystem, key: str, *, by: Mapping[str, Any]) ->
     body = _body("line-s1", "line-near", by=by)
     quote = system.call("POST", "/v1/quotes", key=key, body=body).json()
     accepted = {"quote_id": quote["quote_id"], "offer_id": quote["offers"][0]["offer_id"]}
+    accepted["recipient"] = {"name": "Ana Ruiz"}
     answer = system.call("POST", "/v1/deliveries", key=key, body=accepted)
     assert answer.status_code == 202, answer.text
     return str(answer.json()["delivery_id"])

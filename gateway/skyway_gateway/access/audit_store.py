@@ -11,6 +11,8 @@ from sqlalchemy import func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.message import FleetMoment, WallMoment
+from skyway.delivery.qos import ProviderChoice, QoS
+from skyway.delivery.request import DeliveryRequest, Package
 from skyway.ids import SubjectId
 from skyway.json_model import JsonModel
 from skyway.runtime.hash_chain import next_hash
@@ -37,6 +39,13 @@ ROLES: Final[Mapping[str, AuditRole]] = {role: role for role in get_args(KeyRole
 _SECRET: Final = re.compile(
     r'("(?:\w*(?:password|secret|token)|key|code)"\s*:\s*)"(?:[^"\\]|\\.)*"?', re.IGNORECASE
 )
+
+_HIDDEN: Final = "***"
+_PERSONAL_PATHS: Final = ("/v1/deliveries", "/v1/quotes")
+#: The members of bodies about deliveries that say nothing about people.
+_NOT_PERSONAL: Final = frozenset(
+    ("station_id", "quote_id", "offer_id", "package_ids", "reason", "hold", "dry_run")
+).union(*(form.model_fields for form in (DeliveryRequest, Package, QoS, ProviderChoice)))
 
 
 class AuditEntry(JsonModel):
@@ -72,12 +81,36 @@ class AuditEntry(JsonModel):
     traceparent: Annotated[str | None, Field(description="The W3C trace context of the call.")]
 
 
-def body_text(raw: bytes) -> str | None:
-    """The text of a body for the log, without secrets; None for an empty body."""
+def body_text(raw: bytes, *, path: str = "") -> str | None:
+    """The text of a body for the log, without secrets; None for an empty body.
+
+    Of a call about deliveries only the members of `_NOT_PERSONAL` are shown. An entry is never
+    changed, so even a name in a misspelt member would stay.
+    """
     if not raw:
         return None
     text = raw[:LONGEST_BODY].decode(errors="replace").replace("\0", "\ufffd")
+    if path.startswith(_PERSONAL_PATHS):
+        return _without_people(text)
     return _SECRET.sub(r'\1"***"', text)
+
+
+def _without_people(text: str) -> str:
+    try:
+        body = json.loads(text)
+    except ValueError:  # not JSON, or cut
+        return _HIDDEN
+    return json.dumps(_shown(body) if isinstance(body, dict) else _HIDDEN)
+
+
+def _shown(value: Any) -> Any:  # any JSON value
+    """The value, with `***` for what may say something about people."""
+    if isinstance(value, dict):
+        return {
+            name: _shown(inner) if name in _NOT_PERSONAL else _HIDDEN
+            for name, inner in value.items()
+        }
+    return [_shown(each) for each in value] if isinstance(value, list) else value
 
 
 def path_text(path: str, query: bytes) -> str:

@@ -100,7 +100,7 @@ class AuditTrail:
             method=scope["method"],
             path=path_text(scope["path"], scope["query_string"]),
             status=status,
-            body=body_text(body),
+            body=body_text(body, path=scope["path"]),
             traceparent=current_traceparent(),
         )
         try:

@@ -70,6 +70,8 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
     ),
     "deliveries:write": (
         "POST /v1/deliveries",
+        "PATCH /v1/deliveries/{delivery_id}",
+        "DELETE /v1/deliveries/{delivery_id}/personal-data",
         "POST /v1/deliveries/{delivery_id}/cancel",
         "POST /v1/deliveries/{delivery_id}/tracking-link",
         "DELETE /v1/deliveries/{delivery_id}/tracking-link",
@@ -154,7 +156,12 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         "DELETE /v1/quarantine/{quarantine_id}",
         "POST /v1/small-world",
     ),
-    "quotes:write": ("POST /v1/quotes", "GET /v1/quotes/{quote_id}", "POST /v1/compositions"),
+    "quotes:write": (
+        "POST /v1/quotes",
+        "GET /v1/quotes/{quote_id}",
+        "GET /v1/places",
+        "POST /v1/compositions",
+    ),
     "webhooks:read": (
         "GET /v1/webhooks",
         "GET /v1/webhooks/{webhook_id}",

@@ -66,7 +66,7 @@ class OfferKeeper:
             # A call that is repeated after this process died finds what was held for it.
             hold_id=HoldId(f"hld_{quote.quote_id}_{number}"),
             customer_id=SubjectId(caller.subject_id),
-            request=quote.request.begun_after_wait(self.clock.now()),
+            request=checked.request.begun_after_wait(self.clock.now()),
             shortlist=found.shortlist.with_tariff(offer.provider_id, offer.tariff),
             offer=offer.limits(
                 OfferHold(hold_id=hold_id, number=number) if is_held and hold_id else None
@@ -150,4 +150,4 @@ async def accept_offer(
     # The write decides, not the read above: two calls may accept at the same time.
     if not await store.mark_accepted(tx, quote_id, offer_id, delivery_id=delivery_id):
         raise Conflict("QUOTE_TAKEN", f"an offer of quote {quote_id} was accepted before")
-    return AcceptedOffer(quote.request, offer.limits(hold))
+    return AcceptedOffer(quote.request_of(offer), offer.limits(hold))

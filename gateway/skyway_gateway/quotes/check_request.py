@@ -5,12 +5,11 @@ registry says how heavy a package may be; its answer is cached for a moment. Whi
 away, nobody checks masses and providers: booking finds out later, and rejects the delivery.
 """
 
-import asyncio
 import contextlib
-from collections.abc import Coroutine, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Final, NamedTuple
 
 from skyway.announced_networks import CachedNetworks
 from skyway.complaints import unknown_name
@@ -24,8 +23,8 @@ from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import ServiceUnavailable
 from skyway_gateway.clients import Composition, Registry
+from skyway_gateway.short_wait import ShortWait
 
 #: The furthest end or opening of a window, the same as of a pickup (docs/reference/booking.md).
 _FURTHEST: Final = timedelta(days=30)
@@ -157,10 +156,6 @@ _PAST_PICKUP: Final = timedelta(minutes=5)
 #: A mass that exceeds the limit by less than this counts as equal, kilograms.
 _MASS_TOLERANCE_KG: Final = 1e-9
 
-#: How long a request waits for a service before it goes on without, wall seconds. The socket of a
-#: process that restarts stays open, so a call would wait there until the process is back.
-_ANSWERS_WITHIN_S: Final = 1.0
-
 #: Why a request has no offers when none of the providers that may serve it has a drone.
 NO_PROVIDER: Final = ProviderReason(
     provider_id=None,
@@ -168,39 +163,6 @@ NO_PROVIDER: Final = ProviderReason(
     detail="no provider serves it: none of the providers that may serve it has a drone",
     is_temporary=True,
 )
-
-AnswerT = TypeVar("AnswerT")
-
-
-class ShortWait:
-    """Asks one service; while a question is unanswered for longer, others do not wait at all."""
-
-    def __init__(self) -> None:
-        self._asking = set[asyncio.Task[Any]]()  # tasks of any answer
-        self._is_silent = False
-
-    async def answer_of(self, question: Coroutine[Any, Any, AnswerT]) -> AnswerT | None:
-        """The answer; None when the service is away or does not answer in time."""
-        if self._is_silent and self._asking:
-            question.close()
-            return None
-        asking = asyncio.create_task(question)
-        self._asking.add(asking)
-        asking.add_done_callback(self._ended)
-        done, _ = await asyncio.wait({asking}, timeout=_ANSWERS_WITHIN_S)
-        if not done:
-            self._is_silent = True
-            return None
-        try:
-            return asking.result()
-        except ServiceUnavailable:
-            return None
-
-    def _ended(self, asking: asyncio.Task[Any]) -> None:
-        self._asking.discard(asking)
-        self._is_silent = False
-        if not asking.cancelled():
-            asking.exception()  # it was raised already, or nobody waits for it any more
 
 
 class CachedPayloadLimits:

@@ -1,6 +1,7 @@
 """Makes quotes: checks the request, asks for candidates, has composition plan, writes once."""
 
 import contextlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Annotated
@@ -8,10 +9,11 @@ from typing import Annotated
 from pydantic import Field
 
 from skyway.announced_networks import CachedNetworks
-from skyway.contracts.candidate import CandidateQuery, cargo_of
+from skyway.contracts.candidate import CandidateQuery, ProviderReason, cargo_of
 from skyway.contracts.message import utc_text
 from skyway.contracts.quote import HoldTerms, OfferTerms, QuoteAnswer, QuoteQuery
-from skyway.delivery.offer import Tariff
+from skyway.delivery.offer import BestValues, OfferValues, Tariff, rank_offers
+from skyway.delivery.qos import Weights
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import InvalidInput, SkywayError
 from skyway.geo import Position
@@ -26,7 +28,8 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast, due_of, p90_of
-from skyway_gateway.places.customer_request import CustomerRequest, named_station
+from skyway_gateway.places.customer_request import CustomerRequest
+from skyway_gateway.places.serve import PlaceServer
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.check_request import NO_PROVIDER, RequestChecks
 from skyway_gateway.quotes.store import OFFER_LIFE_S, Offer, OfferedPackage, Quote
@@ -40,7 +43,8 @@ class QuoteRequest(CustomerRequest):
         Field(
             strict=True,
             description="Whether the drones and pads of the best 3 offers are kept for the "
-            "customer until the offers expire. They then begin after that.",
+            "customer until the offers expire. They then begin after that. The nearest station of "
+            "each place serves: other stations are not compared.",
         ),
     ] = False
 
@@ -62,6 +66,42 @@ class _Made:
 
 
 @dataclass(frozen=True, slots=True)
+class _Offers:
+    """The offers for one variant of a request, and why other providers make none."""
+
+    offers: tuple[Offer, ...]
+    infeasible: tuple[ProviderReason, ...]
+    expires_wall_at: datetime
+    is_held: bool
+
+
+def ranked(offers: Sequence[Offer], weights: Weights, *, made_at: datetime) -> tuple[Offer, ...]:
+    """Offers for several variants of a request, scored together, the best first.
+
+    The time of an offer counts from `made_at`. Composition scores the offers of one variant only.
+    Offers of equal rank stay in the order of their variants.
+    """
+    values = [
+        OfferValues(
+            time_s=(max(each.eta_at for each in offer.packages) - made_at).total_seconds(),
+            price=offer.price.amount,
+            energy_j=offer.energy_j,
+            provider_id=offer.provider_id,
+            drone_id=offer.drone_id,
+            no_shows=offer.no_shows,
+        )
+        for offer in offers
+    ]
+    order = rank_offers(values, weights)
+    best = BestValues.of(values) if values else None
+    return tuple(
+        offers[index].model_copy(update={"score": best.score(values[index], weights)})
+        for index in order
+        if best is not None
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class QuoteMaker:
     """Makes quotes."""
 
@@ -76,6 +116,7 @@ class QuoteMaker:
     planning: FairQueue
     networks: CachedNetworks
     forecast: LatenessForecast
+    places: PlaceServer
 
     async def make(
         self,
@@ -131,8 +172,32 @@ class QuoteMaker:
             await self.composition.release(hold_id)
 
     async def _quote(self, caller: Caller, requested: QuoteRequest) -> _Made:
-        request = requested.at_stations(named_station)
+        served = await self.places.serve(requested, who=str(caller))
         hold = self._hold_terms(caller, requested)
+        # Held offers of a variant that is not accepted would keep drones from others.
+        variants = served.variants if hold is None else served.variants[:1]
+        found = [await self._offers(caller, each, hold) for each in variants]
+        offers = tuple(offer for each in found for offer in each.offers)
+        if len(found) > 1:
+            offers = ranked(offers, requested.qos.ranking, made_at=self.clock.now())
+        offering = {each.provider_id for each in offers}
+        reasons = (each for each in found[0].infeasible if each.provider_id not in offering)
+        quote = Quote(
+            quote_id=QuoteId(self.mint("quo")),
+            request=served.nearest,
+            places=served.places,
+            made_at=self.clock.now(),
+            expires_wall_at=min(each.expires_wall_at for each in found),
+            offers=offers,
+            infeasible=tuple(reasons),
+        )
+        is_held = hold is not None and any(each.is_held for each in found)
+        return _Made(quote, hold.hold_id if hold is not None and is_held else None)
+
+    async def _offers(
+        self, caller: Caller, request: DeliveryRequest, hold: HoldTerms | None
+    ) -> _Offers:
+        """The offers for one variant of a request, planned in the caller's turn."""
         checked = await self.checks.check(request)
         found = await self.registry.candidates(_candidate_query(request, checked.pickup_position))
         answer = QuoteAnswer(offers=(), infeasible=())
@@ -147,24 +212,17 @@ class QuoteMaker:
         # Offers expire this long after composition has answered.
         expires_wall_at = self.clock.wall_now() + timedelta(seconds=OFFER_LIFE_S)
         expires_wall_at = answer.held_until_at or expires_wall_at
-        quote = Quote(
-            quote_id=QuoteId(self.mint("quo")),
-            request=request,
-            made_at=self.clock.now(),
-            expires_wall_at=expires_wall_at,
-            offers=tuple(
-                self._offer(
-                    terms,
-                    request,
-                    expires_wall_at=expires_wall_at,
-                    tariff=found.shortlist.terms_of[terms.provider_id].tariff,
-                )
-                for terms in answer.offers
-            ),
-            infeasible=infeasible,
+        offers = tuple(
+            self._offer(
+                terms,
+                request,
+                expires_wall_at=expires_wall_at,
+                tariff=found.shortlist.terms_of[terms.provider_id].tariff,
+            )
+            for terms in answer.offers
         )
-        is_held = hold is not None and answer.held_until_at is not None
-        return _Made(quote, hold.hold_id if hold is not None and is_held else None)
+        is_held = answer.held_until_at is not None
+        return _Offers(offers, infeasible, expires_wall_at, is_held=is_held)
 
     def _offer(
         self,
@@ -179,11 +237,19 @@ class QuoteMaker:
         share = self.forecast.late_share(network_id, terms.provider_id, [terms.margins])
         last_at = max(each.eta_at for each in terms.packages)
         start_at = last_at - timedelta(seconds=terms.delivery_time_s)
+        ends = {each.package_id: each.destination.station_id for each in request.packages}
         packages = []
         for each in terms.packages:
             p90_at = p90_of(each.eta_at, start_at=start_at, share=share)
             due_at = due_of(each.eta_at, p90_at, request.qos)
-            packages.append(OfferedPackage(**dict(each), eta_p90_at=p90_at, due_at=due_at))
+            packages.append(
+                OfferedPackage(
+                    **dict(each),
+                    destination_station_id=ends[each.package_id],
+                    eta_p90_at=p90_at,
+                    due_at=due_at,
+                )
+            )
         return Offer(
             **(dict(terms) | {"packages": tuple(packages)}),
             offer_id=OfferId(self.mint("off")),

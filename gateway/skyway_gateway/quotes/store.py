@@ -18,8 +18,8 @@ from skyway.contracts.mission import OfferHold, OfferLimits, PackageEta
 from skyway.contracts.quote import OfferTerms
 from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.offer import Tariff
-from skyway.delivery.request import DeliveryRequest
-from skyway.ids import DeliveryId, HoldId, OfferId, QuoteId, SubjectId
+from skyway.delivery.request import DeliveryRequest, Place
+from skyway.ids import DeliveryId, HoldId, OfferId, QuoteId, StationId, SubjectId
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
@@ -27,6 +27,7 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.store import owned
+from skyway_gateway.places.served import ServedPlace
 from skyway_gateway.tables import known_networks, quotes
 
 #: How long an offer can be accepted, seconds of wall time (docs/reference/time.md).
@@ -37,8 +38,11 @@ _DELETED_TOGETHER: Final = 1000
 
 
 class OfferedPackage(PackageEta):
-    """When a package of an offer is expected, and what would be promised now."""
+    """When and where a package of an offer is expected, and what would be promised now."""
 
+    destination_station_id: Annotated[
+        StationId, Field(description="The station where the package is handed over.")
+    ]
     eta_p90_at: Annotated[
         FleetMoment | None,
         Field(description="When it has come in nine of ten cases; null before that is known."),
@@ -97,7 +101,17 @@ class Quote(JsonModel):
     """
 
     quote_id: Annotated[QuoteId, Field(description="The id of the quote.")]
-    request: Annotated[DeliveryRequest, Field(description="What was requested.")]
+    request: Annotated[
+        DeliveryRequest,
+        Field(description="What was requested, with the nearest station of each place."),
+    ]
+    places: Annotated[
+        tuple[ServedPlace, ...],
+        Field(
+            description="The places that were requested other than by `station_id`. Offers may "
+            "have other stations of them, and name these."
+        ),
+    ] = ()
     made_at: FleetMoment
     expires_wall_at: WallMoment
     offers: Annotated[tuple[Offer, ...], Field(description="the best first")]
@@ -111,6 +125,20 @@ class Quote(JsonModel):
         DeliveryId | None,
         Field(description="The delivery of the accepted offer; null while none is accepted."),
     ] = None
+
+    def request_of(self, offer: Offer) -> DeliveryRequest:
+        """The request with the stations of an offer."""
+        ends = {each.package_id: each.destination_station_id for each in offer.packages}
+        packages = (
+            package.model_copy(update={"destination": Place(station_id=ends[package.package_id])})
+            for package in self.request.packages
+        )
+        pickup = Place(station_id=offer.pickup_station_id)
+        return self.request.model_copy(update={"pickup": pickup, "packages": tuple(packages)})
+
+    def places_of(self, offer: Offer) -> tuple[ServedPlace, ...]:
+        """The places with the stations of an offer."""
+        return tuple(each.served_in(self.request_of(offer)) for each in self.places)
 
     def number_of(self, offer_id: OfferId) -> int:
         """The place of an offer in the quote, from 0.
@@ -127,6 +155,7 @@ class Quote(JsonModel):
 
 
 _OFFERS: Final = TypeAdapter(tuple[Offer, ...])
+_PLACES: Final = TypeAdapter(tuple[ServedPlace, ...])
 _REASONS: Final = TypeAdapter(tuple[ProviderReason, ...])
 
 
@@ -138,6 +167,7 @@ async def add(
         "quote_id": quote.quote_id,
         "customer_id": customer_id,
         "request": quote.request.model_dump_json(),
+        "places": _PLACES.dump_json(quote.places).decode(),
         "offers": _OFFERS.dump_json(quote.offers).decode(),
         "infeasible": _REASONS.dump_json(quote.infeasible).decode(),
         "made_ms": moment_to_ms(quote.made_at),
@@ -201,6 +231,7 @@ def _quote(row: AnyRow) -> Quote:
     return Quote(
         quote_id=row.quote_id,
         request=DeliveryRequest.read(row.request),
+        places=_PLACES.validate_json(row.places),
         made_at=ms_to_moment(row.made_ms),
         expires_wall_at=ms_to_moment(row.expires_wall_ms),
         offers=_OFFERS.validate_json(row.offers),

@@ -1,5 +1,7 @@
 """Deletes what is older than the settings keep: the steps, and the loops that run them.
 
+Personal data is erased long before its delivery is deleted.
+
 A delivery that ended long ago is deleted at composition first and then here:
 
 1. Deliveries are marked as leaving, and claimed for a while.
@@ -24,6 +26,7 @@ from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import session_store
 from skyway_gateway.clients import Composition
+from skyway_gateway.personal_data import store as personal_data_store
 from skyway_gateway.quotes import store as quote_store
 from skyway_gateway.retention import store
 from skyway_gateway.settings import GatewaySettings
@@ -105,6 +108,20 @@ class LogPruning:
 
 
 @dataclass(frozen=True, slots=True)
+class PersonalDataPruning:
+    """Erases the personal data of deliveries so long after their end as was promised."""
+
+    db: Database
+    clock: FleetClock
+
+    async def step(self) -> bool:
+        """Erase some; whether there may be more."""
+        async with self.db.write() as tx:
+            erased = await personal_data_store.erase_old(tx, at=self.clock.now())
+        return erased == personal_data_store.BATCH
+
+
+@dataclass(frozen=True, slots=True)
 class ExpiredPruning:
     """Deletes what has expired: stored answers and quotes after a day, sessions, session links."""
 
@@ -128,6 +145,7 @@ class ExpiredPruning:
 #: Seconds of wall time between two steps. A step deletes 200 deliveries, so 100 a second end.
 _DELIVERIES_EVERY_S: Final = 2.0
 _LOGS_EVERY_S: Final = 60.0
+_PERSONAL_EVERY_S: Final = 60.0
 _EXPIRED_EVERY_S: Final = 600.0
 
 #: A step of a loop.
@@ -145,6 +163,8 @@ def start_pruning(
     led: Callable[[Step], Step],
 ) -> None:
     """Start to delete what is older than the settings keep; `led` makes a step the leader's."""
+    personal = led(PersonalDataPruning(db, clock).step)
+    loops.start("personal data", repeat("personal data", personal, every_s=_PERSONAL_EVERY_S))
     expired = ExpiredPruning(db, clock)
     loops.start("sweep", repeat("sweep", led(expired.step), every_s=_EXPIRED_EVERY_S))
     if settings.delivery_days is not None:

@@ -34,6 +34,7 @@ from skyway_gateway.tables import (
     idempotency,
     notifications,
     outbox,
+    personal_data,
     pruned,
     quotes,
     tracking_links,
@@ -106,14 +107,12 @@ _LEAVING: Final = (
 _of_deliveries = in_list(events.c.delivery_id, "delivery_ids")
 
 #: The parts before the whole.
+_PARTS: Final = (events, custody, packages, missions, tracking_links, personal_data, deliveries)
 _DELETE: Final[Sequence[Delete]] = (
     delete(notifications).where(
         notifications.c.event_id.in_(select(events.c.event_id).where(_of_deliveries))
     ),
-    *(
-        delete(table).where(in_list(table.c.delivery_id, "delivery_ids"))
-        for table in (events, custody, packages, missions, tracking_links, deliveries)
-    ),
+    *(delete(table).where(in_list(table.c.delivery_id, "delivery_ids")) for table in _PARTS),
 )
 
 

@@ -118,7 +118,7 @@ def station_routes(
 
 
 def station_check_routes(
-    *, db: Database, gate: ServiceGate, networks: PreparedNetworks
+    *, db: Database, gate: ServiceGate, networks: PreparedNetworks, clock: FleetClock
 ) -> ServiceRouter:
     """Other services' questions about stations, under /internal."""
     router = ServiceRouter(tags=("networks",))
@@ -130,7 +130,7 @@ def station_check_routes(
     ) -> StationCheck:
         """Check which of these stations exist, where they are, and which can be reached."""
         caller.must_be_service("gateway", "registry")
-        return await _check_stations(db, networks, query)
+        return await _check_stations(db, networks, query, at_ms=moment_to_ms(clock.now()))
 
     @router.get("/internal/networks/{network_id}/stations")
     async def list_all_stations(
@@ -154,7 +154,7 @@ def _station(row: StationRow, closed: frozenset[StationId]) -> StationInfo:
 
 
 async def _check_stations(
-    db: Database, networks: PreparedNetworks, query: StationCheckQuery
+    db: Database, networks: PreparedNetworks, query: StationCheckQuery, *, at_ms: int
 ) -> StationCheck:
     """Which of these stations exist, where they are, and which of them cannot be reached.
 
@@ -170,6 +170,9 @@ async def _check_stations(
         known = {each: row for each, row in found.items() if networks.own.serves(row.network_id)}
         if not known.keys() >= set(asked) and not await has_networks(connection):
             raise Conflict("NO_NETWORK", NOTHING_PUBLISHED)
+        closed = set[StationId]()
+        for network_id in {row.network_id for row in known.values()}:
+            closed |= await closed_stations(connection, network_id, at_ms=at_ms)
     unreachable: Iterable[StationId] = ()
     if start is not None:
         around = await networks.around(start) if start in known else None
@@ -190,6 +193,7 @@ async def _check_stations(
         positions={each: known[each].position for each in asked if each in known},
         unknown=tuple(each for each in asked if each not in known),
         unreachable=tuple(unreachable),
+        closed=tuple(each for each in asked if each in closed),
         isolated=tuple(isolated),
         networks=facts,
     )
@@ -232,6 +236,7 @@ def _all_stations(skyway: PreparedNetwork) -> NetworkStations:
         station_ids=columns.station_ids,
         positions=tuple(Position(*place) for place in places),
         parts=tuple(station_parts(skyway.network).tolist()),
+        names={columns.station_ids[row]: name for row, name in columns.names.items()},
         loading_s=skyway.settings.loading_s,
         dropoff_s=skyway.settings.dropoff_s,
     )

@@ -66,11 +66,18 @@ async def _other_packages(survey: Survey) -> list[str]:
     async for row in survey.each(query):
         place = (row.number, row.destination_station_id, row.mass_kg)
         stored.setdefault(row.delivery_id, {})[row.package_id] = place
+    query = select(events).where(events.c.type == "delivery.changed").order_by(events.c.sequence)
+    changed = {
+        row.delivery_id: json.loads(row.body)["data"]["reference"]
+        async for row in survey.each(query)
+    }
     query = select(deliveries.c.delivery_id, deliveries.c.reference, deliveries.c.request)
     return [
         row.delivery_id
         async for row in survey.each(query)
-        if _requested(row.request) != (row.reference, stored.get(row.delivery_id, {}))
+        for reference, asked in [_requested(row.request)]
+        if asked != stored.get(row.delivery_id, {})
+        or row.reference != changed.get(row.delivery_id, reference)
     ]
 
 

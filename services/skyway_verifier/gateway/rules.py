@@ -12,6 +12,7 @@ from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission, Ref
 from skyway_gateway.delivery_tables import deliveries, missions, packages
 from skyway_gateway.notifications.secret_store import read_previous
 from skyway_gateway.notifications.secret_vault import read_stored_secret
+from skyway_gateway.personal_data.details import PersonalData
 from skyway_gateway.quotes.store import Offer
 from skyway_gateway.tables import (
     api_keys,
@@ -20,6 +21,7 @@ from skyway_gateway.tables import (
     known_networks,
     metadata,
     outbox,
+    personal_data,
     quotes,
     replicas,
     session_links,
@@ -46,6 +48,7 @@ from skyway_verifier.gateway.calls import API_KEYS, CALLS
 from skyway_verifier.gateway.deliveries import DELIVERIES, MISSIONS, OFFERS
 from skyway_verifier.gateway.events import EVENTS, NOTIFICATIONS
 from skyway_verifier.gateway.packages import PACKAGES, package_stories
+from skyway_verifier.gateway.personal_data import PERSONAL_DATA
 from skyway_verifier.rule import Rule, Survey
 from skyway_verifier.storage_rules import (
     form_rule,
@@ -79,6 +82,7 @@ _FORMS: Final = form_rule(
         quotes.c.infeasible: _REASONS,
         known_networks.c.stations: NetworkStations.read,
         outbox.c.payload: json.loads,
+        personal_data.c.details: PersonalData.read,
         api_keys.c.key_hash: read_sha256,
         api_keys.c.scopes: TypeAdapter(tuple[Scope, ...]).validate_json,
         sessions.c.session_hash: read_sha256,
@@ -102,6 +106,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *NOTIFICATIONS,
     *CALLS,
     *API_KEYS,
+    *PERSONAL_DATA,
 )
 
 

@@ -76,7 +76,7 @@ def _composed(schema: Schema, schemas: Mapping[str, Schema], name: str) -> Any:
             for each, inner in schema["properties"].items()
         }
     if isinstance(schema.get("additionalProperties"), dict):
-        name = example_of(schema.get("propertyNames", {"type": "string"}), schemas)
+        name = example_of({"type": "string", **schema.get("propertyNames", {})}, schemas)
         return {name: example_of(schema["additionalProperties"], schemas)}
     if kind == "array":
         if "prefixItems" in schema:

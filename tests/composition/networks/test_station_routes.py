@@ -52,9 +52,19 @@ async def test_a_station_check_names_positions_and_unknown_and_unreachable_stati
         "positions": {"c": [2 * 0.17986, 0.0], "z": [25 * 0.17986, 0.0]},
         "unknown": ["nowhere"],
         "unreachable": ["z"],
+        "closed": [],
         "isolated": [],
         "networks": {},
     }
+
+
+async def test_a_station_check_names_the_stations_that_are_closed_now(composition: Any) -> None:
+    await composition("operator:op", "POST", "/v1/stations/b/closures")
+    query = {"station_ids": ["a", "b", "nowhere"]}
+
+    answer = await composition("service:gateway", "POST", "/internal/station-checks", query)
+
+    assert answer.json()["closed"] == ["b"]
 
 
 async def test_a_check_of_homes_says_what_drones_meet_there(composition: Any, make: Any) -> None:

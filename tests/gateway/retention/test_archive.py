@@ -132,4 +132,5 @@ def test_nothing_secret_is_archived() -> None:
     columns = {column.name for each in ARCHIVED for column in each.columns()}
 
     assert names.isdisjoint({"api_keys", "webhooks", "sessions", "session_links", "idempotency"})
+    assert "personal_data" not in names
     assert not {each for each in columns if "secret" in each or "key_hash" in each}

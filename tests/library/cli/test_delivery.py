@@ -62,7 +62,7 @@ def test_a_package_without_mass_or_destination_is_refused_and_nothing_is_sent(
     result = runner.invoke(make_app(), ["request", "san-marcos", "-p", package])
 
     assert result.exit_code == 1
-    assert f"--package {package}: write --package STATION=KG" in result.stderr
+    assert f"--package {package}: write --package PLACE=KG" in result.stderr
     assert gateway.calls == []
 
 

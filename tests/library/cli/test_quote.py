@@ -24,6 +24,7 @@ OFFER = {
     "packages": [
         {
             "package_id": "p1",
+            "destination_station_id": "b",
             "eta_at": "2026-03-02T11:00:00.500Z",
             "eta_p90_at": "2026-03-02T11:09:00Z",
         }
@@ -36,11 +37,12 @@ OFFER = {
 def quote_with(*offers: dict[str, Any]) -> dict[str, Any]:
     """The gateway's answer with these offers, and a provider that makes none."""
     busy = {"provider_id": "prv_2", "code": "BUSY", "detail": "all drones are busy"}
-    package = {"package_id": "p1", "destination": {"station_id": "b"}}
+    near = [{"station_id": each, "walk_m": 120.4} for each in ("b", "c")]
+    place = {"fields": ["pickup"], "served_by": near[0], "alternatives": near[1:]}
     return {
         "quote_id": "quo_1",
         "made_at": "2026-03-02T08:00:00Z",
-        "request": {"packages": [package]},
+        "places": [place],
         "offers": offers,
         "infeasible": [busy],
     }
@@ -72,6 +74,7 @@ def test_an_offer_shows_price_times_provider_expiry_and_the_command_that_accepts
     assert result.exit_code == 0
     assert result.stdout.splitlines() == [
         "quote quo_1, fleet time 2026-03-02T08:00:00Z",
+        "pickup: 120 m to b, 120 m to c",
         "1. 12.50 USD, Alamo (prv_1)",
         "   pickup   2026-03-02T10:00:00Z at a",
         "   arrival  2026-03-02T11:00:00Z  p1 at b, nine of ten by 2026-03-02T11:09:00Z",
@@ -159,6 +162,32 @@ def test_a_lost_offer_ends_with_exit_code_1_and_the_gateways_words(gateway: Gate
 
     assert result.exit_code == 1
     assert "offer off_1 cannot be kept: the pad is gone" in result.stderr
+
+
+def test_a_quote_shows_how_far_the_stations_near_a_place_are(gateway: Gateway) -> None:
+    assert "pickup: 120 m to b, 120 m to c" in runner.invoke(make_app(), ASKED).stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("san-marcos", {"station_id": "san-marcos"}),
+        ("29.88,-97.94", {"location": {"latitude": 29.88, "longitude": -97.94}}),
+        ("-12, 7.5", {"location": {"latitude": -12.0, "longitude": 7.5}}),
+        ("76X4V3M5+8C", {"plus_code": "76X4V3M5+8C"}),
+        ("V3M5+8C San Marcos", {"plus_code": "V3M5+8C San Marcos"}),
+        ("12 Main Street, San Marcos", {"address": "12 Main Street, San Marcos"}),
+        ("Gate A=B", {"address": "Gate A=B"}),
+    ],
+)
+def test_the_form_of_a_place_says_what_it_is(
+    gateway: Gateway, text: str, place: dict[str, Any]
+) -> None:
+    sent = requested(gateway, ["quote", "-p", f"{text}=0.8", "--", text])
+
+    assert sent["pickup"] == place
+    [package] = sent["packages"]
+    assert (package["destination"], package["mass_kg"]) == (place, 0.8)
 
 
 def test_the_window_of_the_pickup_is_sent(gateway: Gateway) -> None:

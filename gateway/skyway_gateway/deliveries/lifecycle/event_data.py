@@ -24,6 +24,11 @@ def requested(delivery: Delivery) -> Data:
     }
 
 
+def changed_by_customer(names: Sequence[str], reference: str | None) -> Data:
+    """Data of `delivery.changed`: what the customer has changed, without personal data."""
+    return {"changed": list(names), "reference": reference}
+
+
 def scheduled(earliest_pickup_at: datetime, *, books_from_at: datetime) -> Data:
     """Data of `delivery.scheduled`: the pickup, and from when a drone is looked for."""
     return {

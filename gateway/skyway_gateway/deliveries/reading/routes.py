@@ -20,7 +20,7 @@ from skyway.units import moment_to_ms
 from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.clients import Composition
 from skyway_gateway.context import Context
-from skyway_gateway.deliveries.lifecycle.customer_forms import shown_to
+from skyway_gateway.deliveries.lifecycle.customer_forms import ShownDelivery, shown_to
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
 )
@@ -49,6 +49,7 @@ from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.lateness.lateness_forecast import host_delay_ms
 from skyway_gateway.lateness.store import kept_promises
 from skyway_gateway.notifications.delivery_events import EventStream
+from skyway_gateway.personal_data import store as personal_data
 
 
 def reading_routes(
@@ -98,15 +99,20 @@ def _add_lists(router: ServiceRouter, db: Database) -> None:
             raise NotFound("provider", provider_id)
         async with db.read() as connection:
             found = await read_store.page_of_provider(connection, provider_id, query)
+            flown = [each.delivery_id for each in found if each.live_missions]
+            personal = await personal_data.every_of(connection, flown)
         return page_of(
-            found, query, item=for_provider, sort_key=lambda delivery: (delivery.delivery_id,)
+            found,
+            query,
+            item=lambda delivery: for_provider(delivery, personal.get(delivery.delivery_id)),
+            sort_key=lambda delivery: (delivery.delivery_id,),
         )
 
 
 def _add_details(router: ServiceRouter, db: Database, composition: Composition) -> None:
     @router.get("/v1/deliveries/{delivery_id}")
-    async def get_delivery(delivery_id: DeliveryId, caller: KeyCaller) -> Delivery:
-        """Show a delivery with its packages and missions.
+    async def get_delivery(delivery_id: DeliveryId, caller: KeyCaller) -> ShownDelivery:
+        """Show a delivery with its packages, missions and people.
 
         Callers: customer, operator.
         """
@@ -114,7 +120,8 @@ def _add_details(router: ServiceRouter, db: Database, composition: Composition) 
         async with db.read() as connection:
             delivery = await delivery_store.one_of(connection, caller, delivery_id)
             [found] = await read_store.with_places(connection, [delivery])
-        return shown_to(caller, found)
+            personal = await personal_data.one_of(connection, delivery_id)
+        return ShownDelivery.of(shown_to(caller, found), personal)
 
     @router.get("/v1/deliveries/{delivery_id}/plan")
     async def get_delivery_plan(delivery_id: DeliveryId, caller: KeyCaller) -> DeliveryPlan:

@@ -23,6 +23,13 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     PackageStatus,
 )
 from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
+from skyway_gateway.personal_data.details import (
+    NO_DATA,
+    Contact,
+    HandOverDetails,
+    PersonalData,
+)
+from skyway_gateway.personal_data.store import StoredPersonalData
 
 
 class DeliveryPlan(JsonModel):
@@ -79,8 +86,15 @@ class DeliveryProof(JsonModel):
     packages: Annotated[tuple[PackageProof, ...], Field(description="The proof of each package.")]
 
 
+class ProviderPackage(HandOverDetails, PackageStatus):
+    """A package of a provider's drone; while the drone flies for it, also who takes it."""
+
+
 class ProviderDelivery(JsonModel):
-    """What a provider sees of a delivery that one of its drones flies."""
+    """What a provider sees of a delivery that one of its drones flies.
+
+    It sees people without their e-mail addresses, and only while its drones fly for them.
+    """
 
     delivery_id: Annotated[DeliveryId, Field(description="The id of the delivery.")]
     state: Annotated[DeliveryState, Field(description="How far the delivery is.")]
@@ -92,11 +106,15 @@ class ProviderDelivery(JsonModel):
         ),
     ]
     pickup: Annotated[Place, Field(description="Where the packages are picked up.")]
+    sender: Annotated[
+        Contact | None,
+        Field(description="Who brings the packages; null when no drone of the provider flies."),
+    ] = None
     missions: Annotated[
         tuple[FlownMission, ...], Field(description="The missions of the provider's own drones.")
     ]
     packages: Annotated[
-        tuple[PackageStatus, ...],
+        tuple[ProviderPackage, ...],
         Field(description="The packages that the provider's own drones carry or carried."),
     ]
     created_at: FleetMoment
@@ -120,17 +138,33 @@ def proof_of(delivery: Delivery) -> DeliveryProof:
     )
 
 
-def for_provider(delivery: Delivery) -> ProviderDelivery:
+def for_provider(delivery: Delivery, stored: StoredPersonalData | None = None) -> ProviderDelivery:
     """A delivery as the provider of one of its drones sees it."""
+    data = NO_DATA if stored is None or not delivery.live_missions else stored.data
     return ProviderDelivery(
         delivery_id=delivery.delivery_id,
         state=delivery.state,
         activity=delivery.activity,
         pickup=delivery.pickup,
+        sender=data.sender and data.sender.without_email,
         missions=delivery.missions,
-        packages=delivery.packages,
+        packages=tuple(_for_provider(each, delivery, data) for each in delivery.packages),
         created_at=delivery.created_at,
         updated_at=delivery.updated_at,
+    )
+
+
+def _for_provider(
+    package: PackageStatus, delivery: Delivery, data: PersonalData
+) -> ProviderPackage:
+    """A package with who takes it, as long as a drone flies for it."""
+    is_flown = any(each.mission_id == package.mission_id for each in delivery.live_missions)
+    own = data if is_flown and not package.is_settled else NO_DATA
+    details = own.of_package(package.package_id)
+    return ProviderPackage.model_construct(
+        **dict(package),
+        recipient=details.recipient and details.recipient.without_email,
+        instructions=details.instructions,
     )
 
 

@@ -142,7 +142,6 @@ def new_delivery(queued: QueuedDelivery) -> Values:
     return {
         "delivery_id": delivery.delivery_id,
         "customer_id": delivery.customer_id,
-        "reference": delivery.reference,
         "request": delivery.request.model_dump_json(),
         "pickup_position": _POSITION.dump_json(queued.pickup_position).decode(),
         "created_ms": moment_to_ms(delivery.created_at),
@@ -173,6 +172,7 @@ def changing(stored: StoredDelivery) -> Values:
         "events_hash": stored.events_hash,
         "state": delivery.state,
         "activity": delivery.activity,
+        "reference": delivery.reference,
         "is_delayed": delivery.flags.delayed,
         "is_replanning": delivery.flags.replanning,
         "updated_ms": moment_to_ms(delivery.updated_at),

@@ -1,1 +1,1 @@
-"""What customers ask for: deliveries are accepted and written once, or cancelled."""
+"""What customers ask for: deliveries are accepted and written once, changed, or cancelled."""

@@ -28,13 +28,20 @@ from skyway_gateway.deliveries.booking.queue_store import held_by
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop, books_from
 from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
-from skyway_gateway.deliveries.lifecycle.customer_forms import OfferChoice, RequestedDelivery
+from skyway_gateway.deliveries.lifecycle.customer_forms import (
+    NewDelivery,
+    OfferChoice,
+    RequestedDelivery,
+)
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Flags, PackageStatus
 from skyway_gateway.deliveries.records.delivery_rows import QueuedDelivery, StoredDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
 from skyway_gateway.notifications.delivery_events import Happening
-from skyway_gateway.places.customer_request import CustomerRequest, named_station
+from skyway_gateway.personal_data import store as personal_data
+from skyway_gateway.personal_data.details import NO_DATA, PersonalData, require_packages
+from skyway_gateway.places.serve import PlaceServer
+from skyway_gateway.places.served import ServedPlace
 from skyway_gateway.quotes.accept_offer import OfferKeeper, accept_offer
 from skyway_gateway.quotes.check_request import CheckedRequest, RequestChecks
 from skyway_gateway.quotes.store import hold_of, one_of
@@ -85,12 +92,13 @@ def new_delivery(
 
 @dataclass(frozen=True, slots=True)
 class _Checked:
-    """A request that may be accepted, and what composition holds for its offer.
+    """A request that may be accepted, its places, and what composition holds for its offer.
 
     A hold that `is_new` was made for this call, not for the quote.
     """
 
     request: CheckedRequest
+    places: tuple[ServedPlace, ...] = ()
     hold: OfferHold | None = None
     is_new: bool = False
 
@@ -100,6 +108,7 @@ class Acceptance:
     """Accepts requests and hands them to the booking loop."""
 
     db: Database
+    places: PlaceServer
     checks: RequestChecks
     keeper: OfferKeeper
     writer: DeliveryWriter
@@ -109,11 +118,13 @@ class Acceptance:
     horizon: timedelta
     quota: DeliveryQuota
     links: TrackingLinks
+    #: How long personal data is kept after the end of its delivery.
+    personal_kept: timedelta
 
     async def accept(
         self,
         caller: Caller,
-        requested: CustomerRequest | OfferChoice,
+        requested: NewDelivery | OfferChoice,
         call: KeyedCall,
     ) -> Answer:
         """202 with the delivery, which is written together with its first event.
@@ -163,25 +174,28 @@ class Acceptance:
             await self._release(caller, requested, checked)
         return answer
 
-    async def _check(self, caller: Caller, requested: CustomerRequest | OfferChoice) -> _Checked:
-        if isinstance(requested, CustomerRequest):
-            return _Checked(await self.checks.check(requested.at_stations(named_station)))
+    async def _check(self, caller: Caller, requested: NewDelivery | OfferChoice) -> _Checked:
+        if isinstance(requested, NewDelivery):
+            served = await self.places.serve(requested, who=str(caller))
+            return _Checked(await self.checks.check(served.nearest), places=served.places)
         async with self.db.read() as connection:
             quote = await one_of(connection, caller, requested.quote_id)
             hold_id = await hold_of(connection, requested.quote_id)
-        checked = await self.checks.check(quote.request)
+        offer = quote.offers[quote.number_of(requested.offer_id)]
+        checked = await self.checks.check(quote.request_of(offer))
+        places = quote.places_of(offer)
         if self._books_later(quote.request, self.clock.now()) is not None:
-            return _Checked(checked)
+            return _Checked(checked, places)
         hold = await self.keeper.keep(
             caller, quote, requested.offer_id, checked=checked, hold_id=hold_id
         )
         is_new = hold is not None and hold.hold_id != hold_id
-        return _Checked(checked, hold, is_new=is_new)
+        return _Checked(checked, places, hold, is_new=is_new)
 
     async def _release(
         self,
         caller: Caller,
-        requested: CustomerRequest | OfferChoice,
+        requested: NewDelivery | OfferChoice,
         checked: _Checked | SkywayError,
     ) -> None:
         """Give up what was held for an offer that nobody has accepted after all.
@@ -201,7 +215,7 @@ class Acceptance:
         self,
         tx: Tx,
         caller: Caller,
-        requested: CustomerRequest | OfferChoice,
+        requested: NewDelivery | OfferChoice,
         checked: _Checked | SkywayError,
         *,
         has_key: bool,
@@ -233,7 +247,28 @@ class Acceptance:
         is_scheduled = delivery.state == "SCHEDULED"
         await self.quota.admit(tx, delivery.customer_id, is_scheduled=is_scheduled)
         self._add(tx, delivery, checked.request.pickup_position, has_key=has_key)
+        self._add_personal(tx, delivery, requested, checked.places)
         return delivery
+
+    def _add_personal(
+        self,
+        tx: Tx,
+        delivery: Delivery,
+        requested: NewDelivery | OfferChoice,
+        places: tuple[ServedPlace, ...],
+    ) -> None:
+        """Add what the customer says about people and places, if anything."""
+        named = (each.package_id for each in requested.packages)
+        require_packages(named, (each.package_id for each in delivery.packages))
+        data = PersonalData.of(requested, requested.packages, places=places)
+        if data != NO_DATA:
+            personal_data.add(
+                tx,
+                delivery.delivery_id,
+                data,
+                created_at=delivery.created_at,
+                kept=self.personal_kept,
+            )
 
     def _add(self, tx: Tx, delivery: Delivery, pickup: Position, *, has_key: bool) -> None:
         """Add the delivery with its first events, and begin to book it after the commit."""

@@ -31,14 +31,20 @@ from skyway_gateway.access.routes import KeyCaller, holder_of
 from skyway_gateway.deliveries.apply_reports import ReportApplier
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.lifecycle.customer_forms import (
+    NewDelivery,
     OfferChoice,
     RequestedDelivery,
+    ShownDelivery,
     shown_to,
 )
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller, CancelRequest
-from skyway_gateway.places.customer_request import CustomerRequest
+from skyway_gateway.deliveries.requests.change import (
+    Changer,
+    DeliveryChange,
+    ErasedPersonalData,
+)
 
 
 def _form(body: object) -> str:
@@ -48,7 +54,7 @@ def _form(body: object) -> str:
 
 
 RequestOrOffer = Annotated[
-    Annotated[CustomerRequest, Tag("a request")] | Annotated[OfferChoice, Tag("an offer")],
+    Annotated[NewDelivery, Tag("a request")] | Annotated[OfferChoice, Tag("an offer")],
     Discriminator(_form),
 ]
 
@@ -67,8 +73,10 @@ def shedding(entrance: Admission, booking: BookingLoop, replicas: Membership) ->
     return admit
 
 
-def delivery_routes(*, acceptance: Acceptance, canceller: Canceller) -> ServiceRouter:
-    """POST /v1/deliveries and /v1/deliveries/{delivery_id}/cancel."""
+def delivery_routes(
+    *, acceptance: Acceptance, canceller: Canceller, changer: Changer
+) -> ServiceRouter:
+    """POST /v1/deliveries, and all calls that change a delivery."""
     router = ServiceRouter(tags=("deliveries",))
 
     @router.post(
@@ -122,7 +130,30 @@ def delivery_routes(*, acceptance: Acceptance, canceller: Canceller) -> ServiceR
         cancelled = await canceller.cancel(caller, delivery_id, wanted or CancelRequest())
         return shown_to(caller, cancelled)
 
+    _add_changes(router, changer)
     return router
+
+
+def _add_changes(router: ServiceRouter, changer: Changer) -> None:
+    @router.patch("/v1/deliveries/{delivery_id}", responses=conflicts("TOO_LATE"))
+    async def change_delivery(
+        delivery_id: DeliveryId, caller: KeyCaller, wanted: Annotated[DeliveryChange, Body()]
+    ) -> ShownDelivery:
+        """Change people, instructions, metadata or reference of a delivery before the hand-over.
+
+        Callers: customer, operator.
+        """
+        caller.must_be("customer", "operator")
+        return await changer.change(caller, delivery_id, wanted)
+
+    @router.delete("/v1/deliveries/{delivery_id}/personal-data")
+    async def erase_personal_data(delivery_id: DeliveryId, caller: KeyCaller) -> ErasedPersonalData:
+        """Erase recipients, sender, instructions and metadata of a delivery, for ever.
+
+        Callers: customer, operator.
+        """
+        caller.must_be("customer", "operator")
+        return await changer.erase(caller, delivery_id)
 
 
 def report_routes(*, gate: ServiceGate, applier: ReportApplier) -> ServiceRouter:
