@@ -28,6 +28,8 @@ Scope = Literal[
     "operations:read",
     "operations:write",
     "quotes:write",
+    "statements:read",
+    "statements:write",
     "webhooks:read",
     "webhooks:write",
 ]
@@ -155,6 +157,8 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         "POST /v1/small-world",
     ),
     "quotes:write": ("POST /v1/quotes", "GET /v1/quotes/{quote_id}", "POST /v1/compositions"),
+    "statements:read": ("GET /v1/statements", "GET /v1/statements/lines"),
+    "statements:write": ("POST /v1/statements/lines",),
     "webhooks:read": (
         "GET /v1/webhooks",
         "GET /v1/webhooks/{webhook_id}",

@@ -185,7 +185,9 @@ class Life(RuleBasedStateMachine):
         returning = (to_load | on_board) - released
         done = Cancellation(released=tuple(sorted(released)), returning=tuple(sorted(returning)))
         self._happen(
-            lambda now: after_cancellation(now, requested, done, reason="no need", at=self.now)
+            lambda now: after_cancellation(
+                now, requested, done, reason="no need", at=self.now, host_delay=timedelta()
+            )
         )
         for flight in self.flights:
             off = sorted(flight.to_load & released)
