@@ -196,5 +196,4 @@ missions = Table(
     Column("recharging_s", Double),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
     Index("missions_by_provider", "provider_id", "delivery_id"),
-    Index("missions_by_end", "provider_id", "ended_ms"),
 )

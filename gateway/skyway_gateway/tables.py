@@ -267,7 +267,7 @@ ledger = Table(
     Column("month", Text, nullable=False),  # of `at_ms`, as 2026-03
     CheckConstraint("number >= 1", name="ledger_number"),
     Index("ledger_by_customer", "month", "customer_id"),
-    Index("ledger_by_provider", "month", "provider_id"),
+    Index("ledger_by_provider", "provider_id", "month"),
 )
 
 #: The months whose ledger never changes any more.

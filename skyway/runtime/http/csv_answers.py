@@ -13,9 +13,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, get_args
 
 from fastapi import Request, Response
-from pydantic import BaseModel
 
-from skyway.runtime.http.paging import Page
+from skyway.json_model import JsonModel
 
 CSV: Final = "text/csv"
 
@@ -43,14 +42,15 @@ Column = tuple[str, ...]
 Json = Mapping[str, Any]  # a JSON object
 
 
-def item_models(answer: object) -> tuple[type[BaseModel], ...]:
-    """The models of the items of a list; none if the type of an answer is not a list."""
-    if isinstance(answer, type) and issubclass(answer, Page):
-        return get_args(answer.model_fields["items"].annotation)[:1]
+def item_models(answer: object) -> tuple[type[JsonModel], ...]:
+    """The models of the items of a list, which is an answer with `items`; none for others."""
+    if isinstance(answer, type) and issubclass(answer, JsonModel):
+        items = answer.model_fields.get("items")
+        return () if items is None else get_args(items.annotation)[:1]
     return tuple(model for each in get_args(answer) for model in item_models(each))
 
 
-def columns_of_models(models: Sequence[type[BaseModel]]) -> tuple[Column, ...]:
+def columns_of_models(models: Sequence[type[JsonModel]]) -> tuple[Column, ...]:
     """The columns of a list whose items have one of these models."""
     found: dict[Column, None] = {}
     for model in models:

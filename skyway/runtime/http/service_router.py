@@ -25,6 +25,7 @@ from pydantic_core import from_json
 from starlette.exceptions import HTTPException
 
 from skyway.complaints import BROKEN_JSON
+from skyway.json_model import JsonModel
 from skyway.json_text import STANDS_TWICE, Path, repeated_member, whole_or_infinite
 from skyway.runtime.http.body_bounds import BodyBounds, BodyLimit, BodyText
 from skyway.runtime.http.csv_answers import (
@@ -126,11 +127,15 @@ class ServiceRoute(APIRoute):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:  # FastAPI's own
         super().__init__(*args, **kwargs)
-        self.item_models = item_models(self.response_model)
         if self.item_models:
             answer = self.responses.get(HTTPStatus.OK.value, {})
             content = {**answer.get("content", {}), CSV: _CSV_CONTENT}
             self.responses = {**self.responses, HTTPStatus.OK.value: {**answer, "content": content}}
+
+    @cached_property
+    def item_models(self) -> tuple[type[JsonModel], ...]:
+        """The models of the items, if it answers a list."""
+        return item_models(self.response_model)
 
     @cached_property
     def csv_columns(self) -> tuple[Column, ...]:
@@ -147,7 +152,8 @@ class ServiceRoute(APIRoute):
             own = own.value
         answers = (each for status, each in self.responses.items() if str(status)[0] == "2")
         named = [media for each in answers for media in each.get("content", ())]
-        return tuple(filter(None, (own.media_type, *named)))
+        lists = (CSV,) if self.item_models else ()
+        return tuple(filter(None, (own.media_type, *named, *lists)))
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """FastAPI's handler; it finds the body parsed, and does not parse it again."""
