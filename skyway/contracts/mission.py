@@ -87,7 +87,7 @@ class DeliveryMission(WireModel):
     revision: Annotated[int, Field(ge=1, description="The number of the present plan, from 1.")]
     start_at: FleetMoment
     price: Annotated[Price, Field(description="What the mission costs, as it was booked.")]
-    terms: Annotated[
+    payment_terms: Annotated[
         PaymentTerms,
         Field(description="The terms of its price, as they were when it was booked or offered."),
     ] = PaymentTerms()

@@ -71,7 +71,7 @@ class Tariff(JsonModel):
             description="A delivery on a shared trip costs its price times this factor, 0 to 1.",
         ),
     ] = 1.0
-    terms: Annotated[
+    payment_terms: Annotated[
         PaymentTerms,
         Field(description="What a customer gets back for a cancellation, and for late packages."),
     ] = PaymentTerms()

@@ -27,7 +27,7 @@ TERMS = PaymentTerms(
 
 async def booked(gateway: Gateway, *, packages: int = 1) -> str:
     """A planned delivery with this price and these terms."""
-    gateway.composition.priced = {"price": PRICE, "terms": TERMS}
+    gateway.composition.priced = {"price": PRICE, "payment_terms": TERMS}
     return await gateway.planned(packages=packages)
 
 

@@ -51,7 +51,7 @@ def charge_of(
     mission: FlownMission, packages: Sequence[PackageStatus], host_delay: timedelta
 ) -> Price:
     """The price of a mission, less what is given back for its packages, which are all settled."""
-    amount, terms = mission.price.amount, mission.terms
+    amount, terms = mission.price.amount, mission.payment_terms
     delivered = [each for each in packages if each.delivered_at is not None]
     by_customer = [each for each in packages if _is_by_customer(each)]
     failed = len(packages) - len(delivered) - len(by_customer)

@@ -56,7 +56,9 @@ class Share(JsonModel):
     ] = 1
     price: Annotated[Price, Field(description="What it costs alone.")]
     pooled_price: Annotated[Price, Field(description="What it costs on a shared trip.")]
-    terms: Annotated[PaymentTerms, Field(description="The terms of its price.")] = PaymentTerms()
+    payment_terms: Annotated[PaymentTerms, Field(description="The terms of its price.")] = (
+        PaymentTerms()
+    )
     packages: Annotated[
         dict[PackageId, PackageId],
         Field(description="The customer's id of each package, by the id under which it flies."),

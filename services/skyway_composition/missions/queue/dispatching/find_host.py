@@ -228,7 +228,7 @@ class HostFinder:
             attempt=asked.requested.attempt,
             price=solo.price,
             pooled_price=solo.price.pooled(tariff),
-            terms=tariff.terms,
+            payment_terms=tariff.payment_terms,
             packages={flown: each.package_id for flown, each in flying.items()},
             traceparent=current_traceparent(),
             near=pickups.near(pickup.station_id),
