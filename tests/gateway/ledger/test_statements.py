@@ -6,6 +6,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
+from skyway_gateway.ledger.store import close_month
 from sqlalchemy import text
 
 from tests.gateway.ledger.paid_world import MONTH, asked, booked, closing_of, delivered
@@ -104,6 +105,22 @@ async def test_a_month_is_closed_three_days_after_its_end_and_once(
 
     assert {each["closed_at"] for each in closed} == {"2026-04-04T00:00:00Z"}
     assert await asked(gateway) == closed
+
+
+async def test_a_month_that_another_replica_has_closed_is_not_closed_again(
+    gateway_on_both: Gateway,
+) -> None:
+    """Two replicas that both lead for a moment have found the same month."""
+    gateway = gateway_on_both
+    await delivered(gateway)
+    gateway.clock.advance(datetime(2026, 4, 4, tzinfo=UTC) - gateway.clock.now())
+
+    closed = []
+    for _ in range(2):
+        async with gateway.parts.db.write() as tx:
+            closed.append(await close_month(tx, MONTH, at=gateway.clock.now()))
+
+    assert closed == [True, False]
 
 
 async def test_webhooks_are_notified_once_of_a_closed_month(gateway_on_both: Gateway) -> None:
