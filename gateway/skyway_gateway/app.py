@@ -47,6 +47,7 @@ from skyway_gateway.forward.cell_routes import ForwardToCells
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.gauges import GatewayGauges
+from skyway_gateway.ledger.routes import ledger_routes
 from skyway_gateway.live.routes import live_routes
 from skyway_gateway.notifications.delivery_events import EventStream
 from skyway_gateway.notifications.fleet_time import publish_clock
@@ -117,6 +118,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             key_routes(context, keys=keys),
             clock_routes(anchor=parts.anchor),
             provider_routes(context, registry=parts.clients["registry"], keys=keys),
+            ledger_routes(context),
             statistics_routes(context, reporting=parts.reporting),
             audit_routes(context),
             limit_routes(

@@ -149,7 +149,7 @@ def build_parts(
             most_per_subject=settings.keys_per_subject,
         ),
         listeners=listeners,
-        writer=DeliveryWriter(db, events, DeliveryCache()),
+        writer=DeliveryWriter(db, events, DeliveryCache(), clock),
         targets=targets,
         post=post,
         vault=vault,

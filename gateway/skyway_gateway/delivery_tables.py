@@ -184,7 +184,9 @@ missions = Table(
     Column("report_seq", Integer, nullable=False),  # of the last report that was applied
     # JSON of deliveries.lifecycle.flown_mission.FlownMission; the state is in its own column
     Column("body", Text, nullable=False),
-    Column("price_amount", BigInteger),  # in minor units of the currency
+    Column("price_amount", BigInteger),  # as booked, in minor units of the currency
+    # What its customer pays; null until all its packages are settled.
+    Column("charged_amount", BigInteger),
     Column("currency", Text),
     Column("ended_ms", BigInteger),
     Column("start_ms", BigInteger, nullable=False),  # as first booked; later revisions start later
@@ -194,5 +196,4 @@ missions = Table(
     Column("recharging_s", Double),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
     Index("missions_by_provider", "provider_id", "delivery_id"),
-    Index("missions_by_end", "provider_id", "ended_ms"),
 )

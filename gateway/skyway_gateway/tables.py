@@ -145,10 +145,12 @@ events = Table(
     "events",
     metadata,
     Column("event_id", Text, primary_key=True),
-    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), nullable=False),
+    # Null for `statement.closed`, which is about a month.
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id")),
     Column("sequence", Integer, nullable=False),
     Column("type", Text, nullable=False),
-    Column("body", Text, nullable=False),  # JSON of DeliveryEvent, as every channel carries it
+    # JSON of DeliveryEvent or StatementClosed, as every channel carries it.
+    Column("body", Text, nullable=False),
     Column("recorded_wall_ms", BigInteger, nullable=False),
     UniqueConstraint("delivery_id", "sequence", name="event_sequence"),
 )
@@ -179,7 +181,7 @@ notifications = Table(
     # No foreign key: a webhook may be deleted while an event is recorded.
     Column("webhook_id", Text, primary_key=True),
     Column("event_id", Text, ForeignKey("events.event_id"), primary_key=True),
-    Column("delivery_id", Text, nullable=False),
+    Column("delivery_id", Text),
     Column("sequence", Integer, nullable=False),
     Column("state", Text, nullable=False),
     Column("attempts", Integer, nullable=False),
@@ -262,6 +264,49 @@ personal_data = Table(
     Column("erased_ms", BigInteger),
     CheckConstraint("(details IS NULL) = (erased_ms IS NOT NULL)", name="personal_data_erased"),
     partial_index("personal_data_due", "due_ms", where="details IS NOT NULL"),
+)
+
+#: The lines of what customers pay and providers get, in minor units of the currency. Rows are only
+#: added: by the write that settles a mission's packages, and by an operator's corrections. They
+#: outlive their delivery.
+ledger = Table(
+    "ledger",
+    metadata,
+    Column("mission_id", Text, primary_key=True),
+    Column("number", Integer, primary_key=True),  # within its mission, from 1
+    Column("delivery_id", Text, nullable=False),
+    Column("customer_id", Text, nullable=False),
+    Column("provider_id", Text, nullable=False),
+    Column("kind", Text, nullable=False),
+    Column("amount", BigInteger, nullable=False),  # negative if the customer gets it back
+    Column("currency", Text, nullable=False),
+    Column("note", Text),  # why an operator corrects
+    Column("at_ms", BigInteger, nullable=False),  # when the line was written
+    Column("month", Text, nullable=False),  # of `at_ms`, as 2026-03
+    CheckConstraint("number >= 1", name="ledger_number"),
+    Index("ledger_by_customer", "month", "customer_id"),
+    Index("ledger_by_provider", "provider_id", "month"),
+)
+
+#: The months whose ledger never changes any more.
+closed_months = Table(
+    "closed_months",
+    metadata,
+    Column("month", Text, primary_key=True),
+    Column("closed_ms", BigInteger, nullable=False),
+)
+
+#: The sum of a customer's or a provider's lines in a closed month, as it was closed.
+closed_totals = Table(
+    "closed_totals",
+    metadata,
+    Column("month", Text, ForeignKey("closed_months.month"), primary_key=True),
+    Column("role", Text, primary_key=True),
+    Column("party_id", Text, primary_key=True),
+    Column("currency", Text, primary_key=True),
+    Column("amount", BigInteger, nullable=False),
+    Column("lines", Integer, nullable=False),
+    CheckConstraint("role IN ('customer', 'provider')", name="closed_total_role"),
 )
 
 #: Up to which age the rows of a table were deleted. A table without a row here still has all.

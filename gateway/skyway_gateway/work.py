@@ -16,6 +16,7 @@ from skyway.runtime.outbox.senders import MqttSender, ReportSender
 from skyway.runtime.outbox.stream_sender import unhurried_pace
 from skyway.runtime.replicas.membership import LeaderStep, Membership, PollsInTurn
 from skyway_gateway.clients import DeliveryReports
+from skyway_gateway.ledger.close_months import MonthClosing
 from skyway_gateway.live.figures import LiveFigures
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
 from skyway_gateway.notifications.seal_secrets import seal_secrets
@@ -32,6 +33,7 @@ _OVERDUE_EVERY_S: Final = 1.0
 _SCHEDULED_EVERY_S: Final = 0.5
 _WAKES_EVERY_S: Final = 0.5
 _LATENESS_EVERY_S: Final = 5.0
+_MONTHS_EVERY_S: Final = 10.0
 
 
 def start_work(loops: Loops, parts: Parts, mqtt: MqttClient, settings: GatewaySettings) -> None:
@@ -118,10 +120,12 @@ def _start_leading(loops: Loops, parts: Parts, mqtt: MqttClient) -> None:
         polls=parts.membership.polls,
     )
     loops.start("accounts", accounts)
+    closing = MonthClosing(parts.db, parts.clock, mint, parts.sender.wake)
     sweep("clock", repeat_clock, CLOCK_EVERY_S, always)
     sweep("keys", keys.end_expired_keys, _KEYS_EVERY_S)
     sweep("overdue", parts.overdue_notifier.step, _OVERDUE_EVERY_S)
     sweep("scheduled", parts.schedule_opener.step, _SCHEDULED_EVERY_S)
+    sweep("months", closing.step, _MONTHS_EVERY_S)
     sweep("secrets", seal_old_secrets, _SEAL_EVERY_S, always)
 
 

@@ -226,8 +226,9 @@ class CompletedPackage(WireModel):
 
 
 class CompletedData(WireModel):
-    """The planned and the actual times."""
+    """What it cost, and the planned and the actual times."""
 
+    price: Annotated[Price | None, Field(description="What the customer pays.")] = None
     planned: Annotated[CompletionTimes, Field(description="As the booking planned it (P50).")]
     actual: Annotated[CompletionTimes, Field(description="As it was.")]
     packages: Annotated[
@@ -251,8 +252,11 @@ class EndedPackage(WireModel):
 
 
 class EndedData(WireModel):
-    """How far the delivery came, and why not to the end."""
+    """What the delivery cost, how far it came, and why not to the end."""
 
+    price: Annotated[
+        Price | None, Field(description="What the customer pays; null if it was never booked.")
+    ] = None
     code: _Code
     detail: _Detail
     packages: Annotated[tuple[EndedPackage, ...], Field(description="Where each package is.")]

@@ -92,13 +92,20 @@ def _scheduled() -> Mapping[str, Any]:
     }
 
 
+_PRICE: Final = {
+    "amount": 1340,
+    "currency": "USD",
+    "line_items": [{"kind": "BASE", "amount": 500}, {"kind": "DISTANCE", "amount": 840}],
+}
+
+
 def _planned() -> Mapping[str, Any]:
     return {
         "attempt": 1,
         "provider_id": "prv_01",
         "drone_id": "drn_01",
         "mission_ids": [MISSION],
-        "price": {"amount": 1340, "currency": "USD"},
+        "price": _PRICE,
         "pickup_station_id": SAN_MARCOS,
         "pickup_at": utc_text(after(5)),
         "delivery_time_s": 1440.0,
@@ -116,7 +123,7 @@ def _loaded() -> Mapping[str, Any]:
         "station_id": SAN_MARCOS,
         "package_ids": ["p1", "p2"],
         "is_pooled": False,
-        "price": {"amount": 1340, "currency": "USD"},
+        "price": _PRICE,
         "evidence": _ON_BOARD,
     }
 
@@ -176,6 +183,7 @@ def _cancelled() -> Mapping[str, Any]:
 
 def _completed() -> Mapping[str, Any]:
     return {
+        "price": _PRICE,
         "planned": {"completed_at": _PROMISED, "delivery_time_s": 1440.0},
         "actual": {"completed_at": _LATER, "delivery_time_s": 1800.0},
         "packages": [
@@ -196,7 +204,7 @@ def _ended(first: str, second: str, why: Mapping[str, Any]) -> Mapping[str, Any]
         is_delivered = state == "DELIVERED"
         at = {"delivered_at": _LATER if is_delivered else None}
         packages.append({**_here(name, state), **(_NO_REASON if is_delivered else why), **at})
-    return {**why, "packages": packages}
+    return {"price": _PRICE, **why, "packages": packages}
 
 
 def _here(package_id: str, state: str) -> dict[str, Any]:

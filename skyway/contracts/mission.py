@@ -10,6 +10,7 @@ from skyway.contracts.message import FleetMoment
 from skyway.contracts.shortlist import Shortlist
 from skyway.contracts.weather import WeatherNote
 from skyway.delivery.offer import Price, Tariff
+from skyway.delivery.payment_terms import PaymentTerms
 from skyway.delivery.plan import Plan, Recharge
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import (
@@ -85,7 +86,11 @@ class DeliveryMission(WireModel):
     state: Annotated[MissionState, Field(description="The state of the mission.")]
     revision: Annotated[int, Field(ge=1, description="The number of the present plan, from 1.")]
     start_at: FleetMoment
-    price: Annotated[Price, Field(description="What the mission costs.")]
+    price: Annotated[Price, Field(description="What the mission costs, as it was booked.")]
+    payment_terms: Annotated[
+        PaymentTerms,
+        Field(description="The terms of its price, as they were when it was booked or offered."),
+    ] = PaymentTerms()
     packages: Annotated[
         tuple[PackageEta, ...], Field(description="The packages that it delivers, and when.")
     ]

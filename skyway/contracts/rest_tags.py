@@ -8,6 +8,7 @@ TAGS: Final[Mapping[str, str]] = {
     "live": "The fleet as it is now, and what changes: drones, missions, pads, closures, alarms.",
     "quotes": "Customers ask for offers before they request a delivery.",
     "webhooks": "Customers have the events of their deliveries sent to a URL (Standard Webhooks).",
+    "statements": "What customers pay and providers get, by month, and the lines that it sums.",
     "providers": "Operators register the owners of fleets; each provider keeps its own terms.",
     "drones": "Providers register their drones, change them and read what they measured.",
     "drone-models": "The types of drones, with mass, battery, speed and power.",

@@ -4,8 +4,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Final, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from skyway.delivery.line_items import LineItem, LineKind, summed, whole_items
+from skyway.delivery.payment_terms import PaymentTerms
 from skyway.delivery.qos import Priority, Weights
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
@@ -69,6 +71,10 @@ class Tariff(JsonModel):
             description="A delivery on a shared trip costs its price times this factor, 0 to 1.",
         ),
     ] = 1.0
+    payment_terms: Annotated[
+        PaymentTerms,
+        Field(description="What a customer gets back for a cancellation, and for late packages."),
+    ] = PaymentTerms()
 
     def factor_of(self, priority: Priority) -> float:
         """What the price of a request of this class is multiplied by."""
@@ -76,16 +82,48 @@ class Tariff(JsonModel):
 
 
 class Price(JsonModel):
-    """An amount of money in minor units."""
+    """An amount of money in minor units, and what it is made of."""
 
     amount: Annotated[
         MinorUnits, Field(description="Amount in minor units of the currency, such as cents.")
     ]
     currency: Currency
+    line_items: Annotated[
+        tuple[LineItem, ...],
+        Field(
+            exclude_if=lambda value: not value,
+            description="What the amount is made of; the items sum to it. Without items the amount "
+            "is 0, or a limit.",
+        ),
+    ] = ()
+
+    @model_validator(mode="after")
+    def _adds_up(self) -> Self:
+        total = sum(item.amount for item in self.line_items)
+        if self.line_items and total != self.amount:
+            raise ValueError(f"the line items sum to {total}, not to the amount {self.amount}")
+        return self
+
+    @property
+    def itemised(self) -> tuple[LineItem, ...]:
+        """The line items, at least one; an amount without items is a base price."""
+        return self.line_items or (LineItem(kind="BASE", amount=self.amount),)
 
     def pooled(self, tariff: Tariff) -> "Price":
         """The price of a delivery that shares its trip; it is never higher."""
-        return self.model_copy(update={"amount": round(self.amount * tariff.pooled_factor)})
+        return self.plus("POOLED", round(self.amount * tariff.pooled_factor) - self.amount)
+
+    def plus(self, kind: LineKind, amount: int) -> "Price":
+        """The price with an item more; a negative amount is given back."""
+        items = summed((*self.itemised, LineItem(kind=kind, amount=amount)))
+        return self.model_copy(update={"amount": self.amount + amount, "line_items": items})
+
+
+def total_price(prices: Sequence[Price]) -> Price:
+    """The sum of prices, at least one, which share one currency."""
+    items = summed(item for price in prices for item in price.itemised)
+    amount = sum(price.amount for price in prices)
+    return prices[0].model_copy(update={"amount": amount, "line_items": items})
 
 
 def price_of(
@@ -98,34 +136,19 @@ def price_of(
 ) -> Price:
     """The price of flying a plan, rounded to the nearest minor unit, at least the minimum.
 
-    PRIORITY multiplies it, the minimum too, by the tariff's factor.
+    PRIORITY multiplies it, the minimum too, by the tariff's factor. The line items sum to it.
     """
-    amount = amount_of(
-        tariff,
-        distance_m=distance_m,
-        payload_kg=payload_kg,
-        recharging_s=recharging_s,
-        priority=priority,
-    )
-    return Price(amount=amount, currency=tariff.currency)
-
-
-def amount_of(
-    tariff: Tariff,
-    *,
-    distance_m: float,
-    payload_kg: float,
-    recharging_s: float,
-    priority: Priority = "STANDARD",
-) -> int:
-    """The amount of `price_of`, in minor units of the tariff's currency."""
-    amount = (
-        tariff.base
-        + tariff.per_km * distance_m / 1000
-        + tariff.per_kg * payload_kg
-        + tariff.per_recharge_minute * recharging_s / 60
-    )
-    return round(max(tariff.minimum, round(amount)) * tariff.factor_of(priority))
+    parts: dict[LineKind, float] = {
+        "BASE": tariff.base,
+        "DISTANCE": tariff.per_km * distance_m / 1000,
+        "MASS": tariff.per_kg * payload_kg,
+        "RECHARGING": tariff.per_recharge_minute * recharging_s / 60,
+    }
+    flown = round(sum(parts.values()))
+    least = max(tariff.minimum, flown)
+    amount = round(least * tariff.factor_of(priority))
+    price = Price(amount=flown, currency=tariff.currency, line_items=whole_items(parts, flown))
+    return price.plus("MINIMUM", least - flown).plus("PRIORITY", amount - least)
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,6 +70,18 @@ def test_the_committed_openapi_documents_are_those_of_the_apps() -> None:
         assert (ROOT / path).read_text(encoding="utf-8") == generated, f"{path}: make openapi"
 
 
+def test_every_list_is_answered_as_csv() -> None:
+    document = document_of("gateway")
+    schemas, without = document["components"]["schemas"], []
+    for path, operations in document["paths"].items():
+        content = operations.get("get", {}).get("responses", {}).get("200", {}).get("content", {})
+        for reference in references_in(content.get("application/json")):
+            is_list = "items" in schemas[reference.rpartition("/")[2]].get("properties", {})
+            if is_list and "text/csv" not in content:
+                without.append(path)
+    assert without == []
+
+
 @pytest.mark.parametrize("service", SERVICES)
 def test_an_openapi_document_is_valid_3_1(service: str) -> None:
     document = document_of(service)

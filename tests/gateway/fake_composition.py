@@ -132,6 +132,8 @@ class FakeComposition:
     reasons: list[ProviderReason] = field(default_factory=list)
     #: The margins of every mission.
     margins: Margins = field(default_factory=Margins)
+    #: The price and the terms of every mission, by their names.
+    priced: dict[str, object] = field(default_factory=dict)
     #: How many packages one trip carries; each trip uses another candidate.
     packages_per_trip: int = 100
     #: The pickup of first bookings, and how far it is from that of the request.
@@ -246,7 +248,7 @@ class FakeComposition:
                 provider_id=candidate.provider_id,
                 trip=trip,
                 pickup=self.near_pickup if requested.attempt == 1 else None,
-            ).model_copy(update={"margins": self.margins})
+            ).model_copy(update={"margins": self.margins, **self.priced})
             for trip, (group, candidate) in enumerate(
                 zip(groups, requested.candidates, strict=False), start=1
             )

@@ -1,6 +1,7 @@
 """With cells, the calls of deliveries go to the servers of their networks."""
 
 from collections.abc import AsyncIterator, Sequence
+from csv import DictReader
 from pathlib import Path
 
 import pytest
@@ -323,6 +324,8 @@ async def test_with_a_hundred_cells_a_silent_cell_fails_only_its_own_calls(
         whole = await gateway.http.get("/v1/alarms?limit=100", headers=gateway.operator)
         gateway.peers.away = {names[42]}
         part = await gateway.http.get("/v1/alarms?limit=100", headers=gateway.operator)
+        as_csv = {**gateway.operator, "Accept": "text/csv"}
+        rows = await gateway.http.get("/v1/alarms?limit=90", headers=as_csv)
         refused = [
             name for name, (status, _) in zip(names, await ask_each(), strict=True) if status == 503
         ]
@@ -333,5 +336,8 @@ async def test_with_a_hundred_cells_a_silent_cell_fails_only_its_own_calls(
     assert ids[0] == [f"alm_{name}" for name in reversed(names)]
     assert ids[1] == [each for each in ids[0] if each != "alm_region-042"]
     assert part.headers["skyway-silent-cells"] == "the cell region-042"
+    assert rows.headers["skyway-silent-cells"] == "the cell region-042"
+    assert [row["alarm_id"] for row in DictReader(rows.text.splitlines())] == ids[1][:90]
+    assert rows.links["next"]["url"].startswith("/v1/alarms?limit=90&cursor=")
     assert refused == ["region-042"]
     assert (known.status_code, gateway.forwarded[-1].host) == (200, names[-1])

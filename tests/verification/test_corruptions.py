@@ -12,6 +12,7 @@ from tests.verification.calendar_corruptions import CALENDAR_CORRUPTIONS
 from tests.verification.composition_corruptions import COMPOSITION_CORRUPTIONS
 from tests.verification.damaged_copies import Corruption, StoppedSystem
 from tests.verification.gateway_corruptions import GATEWAY_CORRUPTIONS
+from tests.verification.ledger_corruptions import LEDGER_CORRUPTIONS
 from tests.verification.mission_corruptions import MISSION_CORRUPTIONS
 from tests.verification.newer_corruptions import NEWER_CORRUPTIONS
 from tests.verification.registry_corruptions import REGISTRY_CORRUPTIONS
@@ -23,6 +24,7 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(RATE)]
 CORRUPTIONS = (
     *GATEWAY_CORRUPTIONS,
     *ACCESS_CORRUPTIONS,
+    *LEDGER_CORRUPTIONS,
     *MISSION_CORRUPTIONS,
     *CALENDAR_CORRUPTIONS,
     *SHARED_CORRUPTIONS,

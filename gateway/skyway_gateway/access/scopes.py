@@ -28,6 +28,8 @@ Scope = Literal[
     "operations:read",
     "operations:write",
     "quotes:write",
+    "statements:read",
+    "statements:write",
     "webhooks:read",
     "webhooks:write",
 ]
@@ -162,6 +164,8 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         "GET /v1/places",
         "POST /v1/compositions",
     ),
+    "statements:read": ("GET /v1/statements", "GET /v1/statements/lines"),
+    "statements:write": ("POST /v1/statements/lines",),
     "webhooks:read": (
         "GET /v1/webhooks",
         "GET /v1/webhooks/{webhook_id}",

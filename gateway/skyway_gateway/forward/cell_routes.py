@@ -26,9 +26,11 @@ from skyway.errors import InvalidInput
 from skyway.ids import NetworkId, StationId
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.csv_answers import CSV, csv_answer, prefers
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import encode_cursor
 from skyway_gateway.clients import NetworkFinder
+from skyway_gateway.forward.document import columns_of_list
 from skyway_gateway.forward.table import Forwarded
 
 #: A JSON object from our own services, which is valid and is not checked again.
@@ -209,12 +211,16 @@ class ForwardToCells:
         pages = list(answers.given.values())
         if not pages:
             answers.must_be_whole()
+        silent = {SILENT_HEADER: "; ".join(answers.silent)} if answers.silent else {}
         if row.path in COUNTED:
             merged = merged_counts(pages)
         else:
             limit = _LIMIT.validate_python(request.query_params.get("limit", 50))
             merged = merged_page(pages, MERGED[row.path], limit=limit)
-        silent = {SILENT_HEADER: "; ".join(answers.silent)} if answers.silent else {}
+            if prefers(CSV, request):
+                answer = csv_answer(merged, columns_of_list(row.path), request)
+                answer.headers.update(silent)
+                return answer
         body = json.dumps(merged, ensure_ascii=False).encode()
         return Response(body, media_type="application/json", headers=silent)
 

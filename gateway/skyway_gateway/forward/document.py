@@ -6,6 +6,7 @@ The operations of the other services come from their own documents. `make openap
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from importlib.resources import files
 from typing import Annotated, Any, Final
 
@@ -14,6 +15,7 @@ from pydantic import Field
 from skyway.ids import KeyId
 from skyway.json_model import JsonModel
 from skyway.runtime.http.body_bounds import BODY_LIMIT_BYTES, BodyBounds
+from skyway.runtime.http.csv_answers import Column, columns_of
 from skyway.runtime.http.openapi_document import tags_of
 from skyway.runtime.http.openapi_examples import example_of
 from skyway_gateway.access.scopes import with_scopes
@@ -48,6 +50,16 @@ def stored_document() -> Document:
     text = (files("skyway_gateway.forward") / RESOURCE).read_text(encoding="utf-8")
     document: Document = json.loads(text)
     return document
+
+
+@cache
+def columns_of_list(path: str) -> tuple[Column, ...]:
+    """The columns of a forwarded list as CSV, by the schema of its items."""
+    document = stored_document()
+    schemas = document["components"]["schemas"]
+    content = document["paths"][path]["get"]["responses"]["200"]["content"]
+    name = content["application/json"]["schema"]["$ref"].removeprefix(_SCHEMAS)
+    return tuple(columns_of(schemas[name]["properties"]["items"]["items"], schemas))
 
 
 def most_body_bytes(row: Forwarded, document: Document) -> int:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any, Final
 
 from sqlalchemy import (
@@ -11,6 +12,7 @@ from sqlalchemy import (
     Select,
     Text,
     bindparam,
+    insert,
     literal,
     or_,
     select,
@@ -18,11 +20,13 @@ from sqlalchemy import (
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.delivery_event import DeliveryEvent
+from skyway.contracts.statement_event import StatementClosed
 from skyway.ids import DeliveryId, SubjectId
 from skyway.runtime.hash_chain import next_hash
 from skyway.runtime.sql.bulk_write import DerivedRows
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
+from skyway.units import moment_to_ms
 from skyway_gateway.tables import events, notifications, webhooks
 
 
@@ -45,6 +49,13 @@ def _notifications_of(added: FromClause) -> Select[*tuple[Any, ...]]:
 
     Columns are typed as Any, since they have every type.
     """
+    return _due_at_webhooks(added).where(
+        added.c.delivery_id == bindparam("added_to", type_=Text),
+        added.c.sequence >= bindparam("added_from", type_=Integer),
+    )
+
+
+def _due_at_webhooks(added: FromClause) -> Select[*tuple[Any, ...]]:
     # `event_types` is a JSON list of texts: the quotes keep one type from matching another.
     subscribes = webhooks.c.event_types.contains('"' + added.c.type + '"')
     return select(
@@ -56,8 +67,6 @@ def _notifications_of(added: FromClause) -> Select[*tuple[Any, ...]]:
         literal(0).label("attempts"),
         bindparam("added_wall_ms", type_=BigInteger).label("next_try_wall_ms"),
     ).where(
-        added.c.delivery_id == bindparam("added_to", type_=Text),
-        added.c.sequence >= bindparam("added_from", type_=Integer),
         webhooks.c.customer_id == bindparam("listener", type_=Text),
         webhooks.c.state == "ACTIVE",
         or_(webhooks.c.event_types.is_(None), subscribes),
@@ -99,6 +108,23 @@ def add_events(
         "added_wall_ms": new[0].recorded_wall_ms,
     }
     tx.add_derived(_NOTIFICATIONS, values, on_added=when_notified)
+
+
+async def add_statement_event(
+    tx: Tx, event: StatementClosed, *, customer_id: SubjectId, at: datetime
+) -> None:
+    """Add an event about a month, and make it due at the customer's webhooks now, wall time."""
+    at_ms = moment_to_ms(at)
+    row = {
+        **event.model_dump(include={"event_id", "delivery_id", "sequence", "type"}),
+        "body": event.model_dump_json(),
+        "recorded_wall_ms": at_ms,
+    }
+    await tx.execute(insert(events).values(row))
+    names = [column.name for column in _due_at_webhooks(events).selected_columns]
+    this = _due_at_webhooks(events).where(events.c.event_id == event.event_id)
+    due = insert(notifications).from_select(names, this)
+    await tx.execute(due, {"listener": customer_id, "added_wall_ms": at_ms})
 
 
 async def events_after(

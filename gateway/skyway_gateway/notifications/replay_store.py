@@ -8,7 +8,6 @@ from pydantic import Field, model_validator
 from sqlalchemy import ColumnElement, Select, func, literal, select, true
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.message import WallMoment
 from skyway.errors import InvalidInput
 from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId
@@ -23,6 +22,7 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.notifications import webhook_store
+from skyway_gateway.notifications.webhook import WebhookEventType
 from skyway_gateway.tables import events, notifications
 
 #: The most events that a call may name by id, and the most that it queues.
@@ -162,7 +162,7 @@ def _requested_events(
     requested: ReplayRequest,
     *,
     customer_id: SubjectId,
-    event_types: Sequence[DeliveryEventType] | None,
+    event_types: Sequence[WebhookEventType] | None,
 ) -> ColumnElement[bool]:
     """Whether an event belongs to the customer and is requested."""
     owned = deliveries.c.customer_id == customer_id

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from skyway.contracts.delivery_event_examples import delivery_event_examples
 from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
+from skyway.contracts.statement_event import StatementClosed
 from skyway.ids import SubjectId, WebhookId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import AnchoredClock
@@ -271,6 +272,15 @@ def webhook_calls() -> APIRouter:
         event: Annotated[AnyDeliveryEvent, Body()],
     ) -> None:
         """An event of one of the customer's deliveries, in the order of its `sequence`."""
+
+    @router.post("statement-closed", responses=_ANSWERS, response_class=Response)
+    def receive_statement_closed(
+        webhook_id: _Id,
+        webhook_timestamp: _Timestamp,
+        webhook_signature: _Signature,
+        event: StatementClosed,
+    ) -> None:
+        """A month is closed: what the customer pays for it, in each currency."""
 
     @router.post("webhook-test", responses=_ANSWERS, response_class=Response)
     def receive_test_event(

@@ -17,12 +17,15 @@ from pydantic import Field
 from skyway.bounds import Moment, NotNull
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.message import FleetMoment, Message
+from skyway.contracts.statement_event import StatementEventType
 from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId
 from skyway.json_model import JsonModel
 
 WebhookUrl = Annotated[str, Field(min_length=1, max_length=2000)]
+#: What a webhook can be notified of.
+WebhookEventType = DeliveryEventType | StatementEventType
 EventTypes = Annotated[
-    tuple[DeliveryEventType, ...], Field(min_length=1, max_length=len(DeliveryEventType))
+    tuple[WebhookEventType, ...], Field(min_length=1, max_length=len(DeliveryEventType) + 1)
 ]
 WallTime = Annotated[Moment, Field(description="RFC 3339 UTC, wall time")]
 
@@ -90,7 +93,7 @@ class Webhook(JsonModel):
     webhook_id: Annotated[WebhookId, Field(description="The id of the webhook.")]
     url: Annotated[str, Field(description="Where to notify.")]
     event_types: Annotated[
-        tuple[DeliveryEventType, ...] | None,
+        tuple[WebhookEventType, ...] | None,
         Field(description="Which events are sent; null for all of them."),
     ]
     state: Annotated[WebhookState, Field(description="Whether the webhook is notified.")]
@@ -124,7 +127,8 @@ class WebhookAttempt(JsonModel):
     ]
     event_type: Annotated[str, Field(description="The type of the event.")]
     delivery_id: Annotated[
-        DeliveryId | None, Field(description="The delivery of the event; null for a test event.")
+        DeliveryId | None,
+        Field(description="The delivery of the event; null for a test event or a statement."),
     ]
     number: Annotated[int, Field(description="The number of this attempt at this event, from 1.")]
     wall_at: WallTime

@@ -9,7 +9,6 @@ from typing import Final
 from sqlalchemy import ColumnElement, and_, delete, exists, func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.ids import EventId, SubjectId, WebhookId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound
@@ -27,6 +26,7 @@ from skyway_gateway.notifications.webhook import (
     Notification,
     Webhook,
     WebhookAttempt,
+    WebhookEventType,
 )
 from skyway_gateway.tables import events, notifications, webhook_attempts, webhooks
 
@@ -248,7 +248,7 @@ async def _webhook_row(
     return row
 
 
-def _types_text(types: tuple[DeliveryEventType, ...] | None) -> str | None:
+def _types_text(types: tuple[WebhookEventType, ...] | None) -> str | None:
     return None if types is None else json.dumps(list(types))
 
 

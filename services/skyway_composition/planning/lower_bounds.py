@@ -169,7 +169,7 @@ def _amounts(
     recharging_s: Floats,
     priority: Priority,
 ) -> Floats:
-    """The price of each candidate's tariff, by the formula of `amount_of`."""
+    """The price of each candidate's tariff, by the formula of `price_of`."""
     by_provider = {key: _rates(terms.tariff, priority) for key, terms in shortlist.terms_of.items()}
     base, per_km, per_kg, per_recharge_minute, minimum, factor = _looked_up(
         by_provider, shortlist.provider_ids

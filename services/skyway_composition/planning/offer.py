@@ -7,7 +7,7 @@ from typing import Self
 from skyway.contracts.candidate import Candidate, ProviderReason
 from skyway.contracts.mission import OfferLimits, PackageEta
 from skyway.contracts.quote import OfferTerms
-from skyway.delivery.offer import BestValues, OfferValues, Price, price_of
+from skyway.delivery.offer import BestValues, OfferValues, Price, price_of, total_price
 from skyway.delivery.plan import Fly, Plan, Recharge
 from skyway.delivery.qos import QoS, Weights
 from skyway.delivery.request import DeliveryRequest
@@ -74,8 +74,7 @@ class Offer:
     @property
     def price(self) -> Price:
         """The sum of the trips' prices."""
-        amount = sum(part.price.amount for part in self.parts)
-        return Price(amount=amount, currency=self.parts[0].price.currency)
+        return total_price([part.price for part in self.parts])
 
     @property
     def packages(self) -> int:
@@ -144,8 +143,7 @@ def _pooled_price(offer: Offer) -> Price | None:
     """What the offer costs if all its trips are shared; None if the price would be the same."""
     if not all(part.request.may_share_trip for part in offer.parts):
         return None
-    pooled = [part.price.pooled(part.candidate.tariff).amount for part in offer.parts]
-    price = offer.price.model_copy(update={"amount": sum(pooled)})
+    price = total_price([part.price.pooled(part.candidate.tariff) for part in offer.parts])
     return price if price.amount < offer.price.amount else None
 
 

@@ -206,7 +206,7 @@ NOTIFICATIONS: Final = (
         select(notifications.c.event_id).where(
             ~exists().where(
                 _is_of_event,
-                events.c.delivery_id == notifications.c.delivery_id,
+                events.c.delivery_id.is_not_distinct_from(notifications.c.delivery_id),
                 events.c.sequence == notifications.c.sequence,
             )
         ),

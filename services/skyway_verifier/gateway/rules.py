@@ -33,6 +33,7 @@ from sqlalchemy import func, select
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event import DeliveryEvent
 from skyway.contracts.mission import OfferLimits
+from skyway.contracts.statement_event import StatementClosed
 from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.request import DeliveryRequest
 from skyway.geo import Position
@@ -47,6 +48,7 @@ from skyway_verifier.facts import (
 from skyway_verifier.gateway.calls import API_KEYS, CALLS
 from skyway_verifier.gateway.deliveries import DELIVERIES, MISSIONS, OFFERS
 from skyway_verifier.gateway.events import EVENTS, NOTIFICATIONS
+from skyway_verifier.gateway.ledger import LEDGER
 from skyway_verifier.gateway.packages import PACKAGES, package_stories
 from skyway_verifier.gateway.personal_data import PERSONAL_DATA
 from skyway_verifier.rule import Rule, Survey
@@ -62,6 +64,9 @@ from skyway_verifier.storage_rules import (
 _POSITION: Final = TypeAdapter(Position).validate_json
 _REASONS: Final = TypeAdapter(tuple[ProviderReason, ...]).validate_json
 
+#: A delivery's event has another type than an event about a month.
+_EVENT: Final = TypeAdapter(DeliveryEvent | StatementClosed).validate_json
+
 _FORMS: Final = form_rule(
     {
         deliveries.c.request: DeliveryRequest.read,
@@ -72,7 +77,7 @@ _FORMS: Final = form_rule(
         packages.c.proof: Proof.read,
         packages.c.position: _POSITION,
         missions.c.body: FlownMission.read,
-        events.c.body: DeliveryEvent.read,
+        events.c.body: _EVENT,
         webhooks.c.event_types: TypeAdapter(tuple[str, ...]).validate_json,
         webhooks.c.url: TypeAdapter(AnyHttpUrl).validate_python,
         webhooks.c.secret: read_stored_secret,
@@ -102,6 +107,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *OFFERS,
     *PACKAGES,
     *MISSIONS,
+    *LEDGER,
     *EVENTS,
     *NOTIFICATIONS,
     *CALLS,

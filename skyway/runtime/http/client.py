@@ -52,6 +52,7 @@ _RETURNED_HEADERS: Final = (
     "content-type",
     "etag",
     "last-modified",
+    "link",
     "location",
     "retry-after",
 )

@@ -25,8 +25,18 @@ from pydantic_core import from_json
 from starlette.exceptions import HTTPException
 
 from skyway.complaints import BROKEN_JSON
+from skyway.json_model import JsonModel
 from skyway.json_text import STANDS_TWICE, Path, repeated_member, whole_or_infinite
 from skyway.runtime.http.body_bounds import BodyBounds, BodyLimit, BodyText
+from skyway.runtime.http.csv_answers import (
+    CSV,
+    Column,
+    columns_of_models,
+    csv_answer,
+    is_known_form,
+    item_models,
+    prefers,
+)
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -62,6 +72,15 @@ _LONG: Final = b"0" * 19
 _SUSPICIOUS: Final = (_LONG, rb"\u", rb"\b", rb"\f", b"\x7f", b"\xc2", b"NaN", b"Infinity", b"e000")
 _DIGITS: Final = bytes.maketrans(b"123456789E", b"000000000e")
 
+
+#: The description of a list as CSV, a part of the OpenAPI document.
+_CSV_CONTENT: Final = {
+    "schema": {
+        "type": "string",
+        "description": "The items as CSV, one row each, below a row with the names of the columns. "
+        "The next page is in the header `Link`.",
+    }
+}
 
 #: The attribute of a route's function that holds the limit of its body.
 _TAKES: Final = "body_limit"
@@ -106,6 +125,23 @@ class ServiceRoute(APIRoute):
         field = self.body_field.field_info
         return BodyBounds.of_type(Annotated[field.annotation, field])
 
+    def __init__(self, *args: Any, **kwargs: Any) -> None:  # FastAPI's own
+        super().__init__(*args, **kwargs)
+        if self.item_models:
+            answer = self.responses.get(HTTPStatus.OK.value, {})
+            content = {**answer.get("content", {}), CSV: _CSV_CONTENT}
+            self.responses = {**self.responses, HTTPStatus.OK.value: {**answer, "content": content}}
+
+    @cached_property
+    def item_models(self) -> tuple[type[JsonModel], ...]:
+        """The models of the items, if it answers a list."""
+        return item_models(self.response_model)
+
+    @cached_property
+    def csv_columns(self) -> tuple[Column, ...]:
+        """The columns of its list."""
+        return columns_of_models(self.item_models)
+
     @cached_property
     def media_types(self) -> tuple[str, ...]:
         """The types of its good answers; none if the document does not name them."""
@@ -116,7 +152,8 @@ class ServiceRoute(APIRoute):
             own = own.value
         answers = (each for status, each in self.responses.items() if str(status)[0] == "2")
         named = [media for each in answers for media in each.get("content", ())]
-        return tuple(filter(None, (own.media_type, *named)))
+        lists = (CSV,) if self.item_models else ()
+        return tuple(filter(None, (own.media_type, *named, *lists)))
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """FastAPI's handler; it finds the body parsed, and does not parse it again."""
@@ -137,7 +174,11 @@ class ServiceRoute(APIRoute):
                 except ValueError:
                     value = _parsed_by_python(raw)
                 require_storable(body, value, most_members=self.bounds.members)
-            return await handle(request)
+            answer = await handle(request)
+            is_page = self.item_models and answer.media_type == "application/json"
+            if is_page and prefers(CSV, request):
+                return csv_answer(json.loads(bytes(answer.body)), self.csv_columns, request)
+            return answer
 
         return check_and_handle
 
@@ -188,7 +229,10 @@ def _refuse_other_types(request: Request, media_types: tuple[str, ...]) -> None:
     if accept in ("", "*/*") or not media_types:
         return
     accepted = {
-        part.partition(";")[0].strip() for part in accept.split(",") if not _REFUSED.search(part)
+        media
+        for part in accept.split(",")
+        for media, *form in [[each.strip() for each in part.split(";")]]
+        if not _REFUSED.search(part) and (media != CSV or is_known_form(form))
     }
     forms = {f"{each.partition('/')[0]}/*" for each in media_types} | {"*/*", *media_types}
     if any(each.endswith("json") for each in media_types):

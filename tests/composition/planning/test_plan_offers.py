@@ -13,7 +13,7 @@ from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
 from skyway.contracts.shortlist import Shortlist
-from skyway.delivery.offer import BestValues, amount_of
+from skyway.delivery.offer import BestValues, price_of
 from skyway.delivery.plan import Plan
 from skyway.delivery.qos import Weights
 from skyway.ids import DroneId, StationId
@@ -150,12 +150,12 @@ async def test_the_lowest_price_is_the_tariff_for_the_shortest_way(
     length, charging, *others = least.price.tolist()
     assert length > 0 < charging
     assert others == [
-        amount_of(
+        price_of(
             each.tariff,
             distance_m=length / 1_000,
             payload_kg=request.payload_kg,
             recharging_s=charging / 1_000_000,
-        )
+        ).amount
         for each in candidates[2:]
     ]
 

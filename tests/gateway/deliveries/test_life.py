@@ -185,7 +185,9 @@ class Life(RuleBasedStateMachine):
         returning = (to_load | on_board) - released
         done = Cancellation(released=tuple(sorted(released)), returning=tuple(sorted(returning)))
         self._happen(
-            lambda now: after_cancellation(now, requested, done, reason="no need", at=self.now)
+            lambda now: after_cancellation(
+                now, requested, done, reason="no need", at=self.now, host_delay=timedelta()
+            )
         )
         for flight in self.flights:
             off = sorted(flight.to_load & released)
@@ -244,6 +246,20 @@ class Life(RuleBasedStateMachine):
         }
         for package in self.delivery.packages:
             assert package.custodian.kind in kinds.get(package.state, drone)
+
+    @invariant()
+    def each_mission_is_charged_exactly_when_its_packages_are_settled(self) -> None:
+        for mission in self.delivery.missions:
+            own = [each for each in self.delivery.packages if each.mission_id == mission.mission_id]
+            is_settled = bool(own) and all(each.is_settled for each in own)
+            if mission.state != "REFUSED":
+                assert (mission.charged is not None) == is_settled
+            assert mission.owed.amount <= mission.price.amount
+
+    @invariant()
+    def the_price_is_the_sum_of_what_is_owed(self) -> None:
+        owed = sum(mission.owed.amount for mission in self.delivery.missions)
+        assert (self.delivery.price.amount if self.delivery.price else 0) == owed
 
     # How it happens.
 
@@ -305,6 +321,9 @@ class Life(RuleBasedStateMachine):
         assert may_follow(progress.delivery.state, before.state)
         for then, now in zip(before.packages, progress.delivery.packages, strict=True):
             _check_package(then, now)
+        charged = {each.mission_id: each.charged for each in before.missions if each.charged}
+        for mission in progress.delivery.missions:
+            assert charged.get(mission.mission_id) in (None, mission.charged), "charged again"
         self.delivery = progress.delivery
         self.reported += [
             (happening.type.value, happening.data) for happening in progress.happenings

@@ -5,7 +5,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from skyway.delivery.offer import OfferValues, Price, Tariff, no_show_factor, price_of, rank_offers
+from skyway.delivery.offer import (
+    OfferValues,
+    Price,
+    Tariff,
+    no_show_factor,
+    price_of,
+    rank_offers,
+    total_price,
+)
 from skyway.delivery.qos import Priority, Weights
 from skyway.ids import DroneId, ProviderId
 
@@ -58,6 +66,49 @@ def test_a_pooled_price_is_never_higher(amount: int, factor: float) -> None:
     price = Price(amount=amount, currency="USD")
 
     assert 0 <= price.pooled(Tariff(pooled_factor=factor)).amount <= amount
+
+
+@given(
+    tariff=st.builds(
+        Tariff,
+        base=st.integers(0, 10**6),
+        per_km=st.integers(0, 10**4),
+        per_kg=st.integers(0, 10**4),
+        per_recharge_minute=st.integers(0, 10**3),
+        minimum=st.integers(0, 10**6),
+        priority_factor=st.floats(1, 10),
+        pooled_factor=st.floats(0, 1),
+    ),
+    distance_m=st.floats(0, 10**6),
+    payload_kg=st.floats(0, 100),
+    recharging_s=st.floats(0, 10**5),
+    priority=st.sampled_from(["STANDARD", "PRIORITY"]),
+)
+def test_the_line_items_of_a_price_sum_to_it(
+    tariff: Tariff, distance_m: float, payload_kg: float, recharging_s: float, priority: Priority
+) -> None:
+    price = price_of(
+        tariff,
+        distance_m=distance_m,
+        payload_kg=payload_kg,
+        recharging_s=recharging_s,
+        priority=priority,
+    )
+
+    for each in (price, price.pooled(tariff), total_price([price, price.pooled(tariff)])):
+        assert sum(item.amount for item in each.itemised) == each.amount
+        assert len({item.kind for item in each.itemised}) == len(each.itemised)
+    rates = (tariff.base, tariff.per_km * distance_m / 1000, tariff.per_kg * payload_kg)
+    for kind, exact in zip(("BASE", "DISTANCE", "MASS"), rates, strict=True):
+        shown = sum(item.amount for item in price.line_items if item.kind == kind)
+        assert abs(shown - exact) < 1.001
+
+
+def test_a_price_whose_items_do_not_sum_to_it_is_refused() -> None:
+    items = [{"kind": "BASE", "amount": 99}]
+
+    with pytest.raises(ValidationError, match="sum to 99, not to the amount 100"):
+        Price.model_validate({"amount": 100, "currency": "USD", "line_items": items})
 
 
 def test_each_objective_picks_its_own_best_offer() -> None:

@@ -39,7 +39,7 @@ export function Earnings({providerId}) {
   const {earnings, problem} = useEarnings(providerId);
   if (!earnings) return html`<p class="refused">${problem}</p>`;
   const {currency, amount, deliveries, missions, by_day: days} = earnings;
-  if (currency === null) return html`<p>No mission is completed yet.</p>`;
+  if (currency === null) return html`<p>No mission is settled yet.</p>`;
   const most = Math.max(...days.map((each) => each.amount), 1);
   return html`
     <p><strong class="sum">${money({amount, currency})}</strong> with ${deliveries}

@@ -8,8 +8,8 @@ const ROLES = ["customer", "provider", "operator"];
 // All scopes of the API; a key without a choice may do all that its role may do.
 export const SCOPES = ["account:read", "account:write", "audit:read", "deliveries:read", "deliveries:write",
   "fleet:read", "fleet:write", "keys:read", "keys:write", "live:read", "missions:read", "missions:write",
-  "network:read", "network:write", "operations:read", "operations:write", "quotes:write", "webhooks:read",
-  "webhooks:write"];
+  "network:read", "network:write", "operations:read", "operations:write", "quotes:write", "statements:read",
+  "statements:write", "webhooks:read", "webhooks:write"];
 
 function keyOf(form) {
   const values = new FormData(form);

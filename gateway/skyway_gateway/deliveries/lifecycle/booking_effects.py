@@ -1,7 +1,7 @@
 """What changes when missions are booked, when booking gives up, and when packages are cancelled."""
 
 from collections.abc import Collection, Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Final
 
 from skyway.contracts.candidate import ProviderReason
@@ -12,6 +12,7 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import PackageId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_gateway.deliveries.lifecycle import event_data
+from skyway_gateway.deliveries.lifecycle.charges import with_charges
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
     Flags,
@@ -172,10 +173,12 @@ def after_cancellation(
     *,
     reason: str,
     at: datetime,
+    host_delay: timedelta,
 ) -> Progress:
     """The delivery after the requested packages were cancelled, as far as that was possible.
 
     `done` is what composition has stopped. Later mission reports repeat it and change nothing.
+    `host_delay` is the lateness of packages that does not count.
     """
 
     def stays(package: PackageStatus) -> bool:
@@ -191,4 +194,5 @@ def after_cancellation(
     )
     returning = with_returning(without.delivery, done.returning, code=CANCELLED_CODE, detail=reason)
     progress = Progress(with_flags(returning), without.happenings)
+    progress = with_charges(progress, host_delay=host_delay)
     return settled(progress, at=at, code=CANCELLED_CODE, detail=reason)

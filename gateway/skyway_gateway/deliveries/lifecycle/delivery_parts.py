@@ -9,6 +9,7 @@ from pydantic import Field
 from skyway.contracts.candidate import FREE_AT, ProviderReason
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.mission import LIVE_MISSION_STATES, DeliveryMission
+from skyway.delivery.offer import Price
 from skyway.delivery.plan import Plan, Recharge
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
@@ -54,6 +55,18 @@ class FlownMission(DeliveryMission):
             "plans start later."
         ),
     ]
+    charged: Annotated[
+        Price | None,
+        Field(
+            description="What the customer pays: `price`, less what the terms give back. Null "
+            "until nothing will happen to its packages any more."
+        ),
+    ] = None
+
+    @property
+    def owed(self) -> Price:
+        """What the customer pays, as known now."""
+        return self.price if self.charged is None else self.charged
 
     @property
     def is_live(self) -> bool:

@@ -8,9 +8,10 @@ from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.message import utc_text
 from skyway.contracts.mission import DeliveryMission
 from skyway.contracts.mission_reports import MissionReport
-from skyway.delivery.offer import Price
+from skyway.delivery.offer import Price, total_price
 from skyway.ids import PackageId
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
+from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
 
 #: The JSON members of an event; each event type has others.
 Data = dict[str, Any]
@@ -46,7 +47,7 @@ def planned(delivery: Delivery, missions: Sequence[DeliveryMission], *, attempt:
         "provider_id": first.provider_id,
         "drone_id": first.drone_id,
         "mission_ids": [mission.mission_id for mission in missions],
-        "price": delivery.price and delivery.price.model_dump(mode="json"),
+        "price": _priced(delivery),
         "pickup_station_id": delivery.pickup.station_id,
         "pickup_at": utc_text(min(pickup_at(mission) for mission in missions)),
         "delivery_time_s": max(mission.plan.delivery_time_s or 0.0 for mission in missions),
@@ -189,6 +190,7 @@ def completed(delivery: Delivery) -> Data:
     )
     delivered_at = max(one.delivered_at for one in delivery.packages if one.delivered_at)
     return {
+        "price": _priced(delivery),
         "planned": _completion(start_at, promised_at),
         "actual": _completion(start_at, delivered_at),
         "packages": [
@@ -206,6 +208,7 @@ def completed(delivery: Delivery) -> Data:
 def ended(delivery: Delivery, code: str | None, detail: str | None) -> Data:
     """Data of the other final events: where each package is, and why."""
     return {
+        "price": _priced(delivery),
         "code": code,
         "detail": detail,
         "packages": [
@@ -223,12 +226,13 @@ def ended(delivery: Delivery, code: str | None, detail: str | None) -> Data:
     }
 
 
-def price_of(missions: Sequence[DeliveryMission]) -> Price | None:
-    """The price of all missions together, which share one currency; None without missions."""
-    if not missions:
-        return None
-    amount = sum(mission.price.amount for mission in missions)
-    return Price(amount=amount, currency=missions[0].price.currency)
+def price_of(missions: Sequence[FlownMission]) -> Price | None:
+    """What all missions cost together, as known now; None without missions."""
+    return total_price([mission.owed for mission in missions]) if missions else None
+
+
+def _priced(delivery: Delivery) -> Data | None:
+    return None if delivery.price is None else delivery.price.model_dump(mode="json")
 
 
 def _completion(start_at: datetime, completed_at: datetime | None) -> Data:

@@ -11,6 +11,7 @@ from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.mission import DeliveryMission
 from skyway.contracts.mission_reports import MissionReport
 from skyway_gateway.deliveries.lifecycle import event_data
+from skyway_gateway.deliveries.lifecycle.charges import with_charges
 from skyway_gateway.deliveries.lifecycle.delivery import (
     ON_BOARD_STATES,
     Delivery,
@@ -63,6 +64,7 @@ def after_report(delivery: Delivery, report: MissionReport, *, host_delay: timed
         delivery = changed(delivery, activity=None)
     progress = _BY_KIND[report.kind](delivery, mission, report)
     progress = Progress(with_flags(progress.delivery), progress.happenings)
+    progress = with_charges(progress, host_delay=host_delay)
     progress = settled(progress, at=report.at, code=report.code, detail=report.detail)
     if progress.delivery.is_over:
         return progress
@@ -81,6 +83,7 @@ def _mission_after(before: FlownMission, report: MissionReport) -> FlownMission:
             "state": "BOOKED" if report.mission_state == "QUEUED" else report.mission_state,
             "is_replanning": is_replanning,
             "booked_start_at": before.booked_start_at,
+            "charged": before.charged,
         }
     )
 

@@ -44,6 +44,7 @@ from skyway_gateway.deliveries.reading.views import DayEarnings, EarningsQuery
 from skyway_gateway.deliveries.records.delivery_store import with_parts
 from skyway_gateway.delivery_tables import deliveries, missions, packages
 from skyway_gateway.lateness.store import IS_DUE_AS_PROMISED
+from skyway_gateway.tables import ledger
 
 
 class DeliveryListQuery(PageQuery):
@@ -140,23 +141,21 @@ _FIRST_DAY: Final = date(1970, 1, 1)
 async def days_of(
     connection: AsyncConnection, provider_id: ProviderId, query: EarningsQuery
 ) -> tuple[DayEarnings, ...]:
-    """A provider's completed missions by the day on which they ended, the first day first."""
-    day = (missions.c.ended_ms // _DAY_MS).label("day")
+    """The sums of a provider's lines of the ledger by the day of writing, the first day first."""
+    day = (ledger.c.at_ms // _DAY_MS).label("day")
     statement = select(
         day,
-        missions.c.currency,
-        func.count(distinct(missions.c.delivery_id)).label("deliveries"),
-        func.count().label("missions"),
-        func.sum(missions.c.price_amount).label("amount"),
-    ).where(missions.c.provider_id == provider_id, missions.c.state == "COMPLETED")
+        ledger.c.currency,
+        func.count(distinct(ledger.c.delivery_id)).label("deliveries"),
+        func.count(distinct(ledger.c.mission_id)).label("missions"),
+        func.sum(ledger.c.amount).label("amount"),
+    ).where(ledger.c.provider_id == provider_id)
     if query.from_at is not None:
-        statement = statement.where(missions.c.ended_ms >= moment_to_ms(query.from_at))
+        statement = statement.where(ledger.c.at_ms >= moment_to_ms(query.from_at))
     if query.to_at is not None:
-        statement = statement.where(missions.c.ended_ms < moment_to_ms(query.to_at))
+        statement = statement.where(ledger.c.at_ms < moment_to_ms(query.to_at))
     # The currency used last comes last within its day.
-    statement = statement.group_by(day, missions.c.currency).order_by(
-        day, func.max(missions.c.ended_ms)
-    )
+    statement = statement.group_by(day, ledger.c.currency).order_by(day, func.max(ledger.c.at_ms))
     return tuple(
         DayEarnings(
             day=_FIRST_DAY + timedelta(days=row.day),

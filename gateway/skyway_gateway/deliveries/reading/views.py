@@ -169,15 +169,15 @@ def _for_provider(
 
 
 class EarningsQuery(QueryModel):
-    """Which missions count: those that ended in [from, to); without limits, all."""
+    """Which lines of the ledger count: those written in [from, to); without limits, all."""
 
     from_at: Annotated[
         FleetMoment | None,
-        Field(alias="from", description="Only missions that ended at this moment or later."),
+        Field(alias="from", description="Only lines that were written at this moment or later."),
     ] = None
     to_at: Annotated[
         FleetMoment | None,
-        Field(alias="to", description="Only missions that ended before this moment."),
+        Field(alias="to", description="Only lines that were written before this moment."),
     ] = None
 
 
@@ -187,14 +187,14 @@ class DayEarnings(JsonModel):
     day: Annotated[date, Field(description="The day in UTC, fleet time.")]
     currency: Currency
     deliveries: Annotated[
-        int, Field(description="Deliveries with a mission that was completed on this day.")
+        int, Field(description="Deliveries with lines of the ledger of this day.")
     ]
-    missions: Annotated[int, Field(description="Missions that were completed on this day.")]
+    missions: Annotated[int, Field(description="Missions with lines of this day.")]
     amount: Annotated[int, Field(description="What they brought, in minor units of the currency.")]
 
 
 class Earnings(JsonModel):
-    """A provider's earnings: the sums in the currency of the latest mission, and each day.
+    """A provider's earnings: the sums in the currency of the latest line, and each day.
 
     Days in an earlier currency are listed, but not part of the sums.
     """
@@ -202,14 +202,14 @@ class Earnings(JsonModel):
     provider_id: Annotated[ProviderId, Field(description="The provider.")]
     currency: Annotated[
         Currency | None,
-        Field(description="The currency of the latest mission; null without missions."),
+        Field(description="The currency of the latest line; null without lines."),
     ]
     deliveries: Annotated[int, Field(description="Deliveries on all days, in this currency.")]
     missions: Annotated[int, Field(description="Missions on all days, in this currency.")]
     amount: Annotated[int, Field(description="What they brought, in minor units of the currency.")]
     by_day: Annotated[
         tuple[DayEarnings, ...],
-        Field(description="Each day with completed missions, the first day first."),
+        Field(description="Each day with lines, the first day first."),
     ]
 
 

@@ -330,6 +330,7 @@ def _mission_values(mission: FlownMission) -> Values:
     return {
         "state": mission.state,
         "price_amount": mission.price.amount,
+        "charged_amount": None if mission.charged is None else mission.charged.amount,
         "drone_id": mission.drone_id,
         "body": mission.model_dump_json(),
     }

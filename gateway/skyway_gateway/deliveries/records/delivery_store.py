@@ -78,10 +78,14 @@ NEXT_VERSION: Final = {"version": deliveries.c.version + 1}
 _PACKAGES: Final = (
     select(packages).where(in_list(packages.c.delivery_id, "ids")).order_by(packages.c.number)
 )
-#: Refused missions were never flown; `refusals` lists them.
+#: Refused missions were never flown; `refusals` lists them. A mission whose customer cancelled it
+#: before its drone refused it has its charge.
 _MISSIONS: Final = (
     select(missions.c.delivery_id, missions.c.state, missions.c.body)
-    .where(in_list(missions.c.delivery_id, "ids"), missions.c.state != "REFUSED")
+    .where(
+        in_list(missions.c.delivery_id, "ids"),
+        or_(missions.c.state != "REFUSED", missions.c.charged_amount.is_not(None)),
+    )
     .order_by(missions.c.attempt, missions.c.trip)
 )
 _REPORTED: Final = select(missions.c.report_seq).where(missions.c.mission_id == bindparam("this"))

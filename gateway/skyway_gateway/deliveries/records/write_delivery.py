@@ -7,6 +7,7 @@ from datetime import datetime
 from skyway.contracts.mission import CancelMissions, Mission
 from skyway.contracts.mission_reports import MissionReport
 from skyway.ids import DeliveryId, PackageId
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import in_trace_of
@@ -20,6 +21,8 @@ from skyway_gateway.deliveries.records.delivery_rows import (
     QueuedDelivery,
     StoredDelivery,
 )
+from skyway_gateway.deliveries.records.new_lines import new_lines
+from skyway_gateway.ledger.store import add_lines
 from skyway_gateway.notifications.delivery_events import EventRecorder, Happening
 from skyway_gateway.notifications.event_store import NumberedEvent
 
@@ -48,6 +51,7 @@ class DeliveryWriter:
     db: Database
     events: EventRecorder
     cache: DeliveryCache
+    clock: FleetClock
 
     async def write(self, delivery_id: DeliveryId, *, change: Change) -> None:
         """Change a delivery in its own transaction; a delivery that is over does not change."""
@@ -101,6 +105,7 @@ class DeliveryWriter:
             )
             after = before.then(delivery, events)
             delivery_store.save(tx, before, after, report=report, give_up_at=give_up_at)
+            add_lines(tx, new_lines(before.delivery, delivery, at=self.clock.now()))
             self._record(tx, after, events)
 
     def save_plan(

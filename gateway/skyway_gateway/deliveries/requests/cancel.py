@@ -32,6 +32,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
+from skyway_gateway.lateness.lateness_forecast import host_delay
 
 
 class CancelRequest(JsonModel):
@@ -136,7 +137,12 @@ class Canceller:
         await self.writer.write(
             delivery.delivery_id,
             change=lambda now: after_cancellation(
-                now, package_ids, done, reason=reason, at=self.clock.now()
+                now,
+                package_ids,
+                done,
+                reason=reason,
+                at=self.clock.now(),
+                host_delay=host_delay(self.clock),
             ),
         )
 

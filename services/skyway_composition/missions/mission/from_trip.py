@@ -213,6 +213,7 @@ def new_mission(
         start_at=start_at,
         released_at=ms_to_moment(trip.released_ms),
         price=price,
+        payment_terms=candidate.tariff.payment_terms,
         packages=_etas(trip.plan, start_at),
         plan=trip.plan,
         pickup_station_id=request.pickup.station_id,

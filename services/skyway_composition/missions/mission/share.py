@@ -13,6 +13,7 @@ from pydantic import Field, TypeAdapter
 
 from skyway.bounds import Moment
 from skyway.delivery.offer import Price
+from skyway.delivery.payment_terms import PaymentTerms
 from skyway.ids import DeliveryId, MissionId, PackageId, StationId
 from skyway.json_model import JsonModel
 
@@ -55,6 +56,9 @@ class Share(JsonModel):
     ] = 1
     price: Annotated[Price, Field(description="What it costs alone.")]
     pooled_price: Annotated[Price, Field(description="What it costs on a shared trip.")]
+    payment_terms: Annotated[PaymentTerms, Field(description="The terms of its price.")] = (
+        PaymentTerms()
+    )
     packages: Annotated[
         dict[PackageId, PackageId],
         Field(description="The customer's id of each package, by the id under which it flies."),

@@ -85,6 +85,7 @@ def mission_of(record: MissionRecord, share: Share) -> Mission:
             "attempt": share.attempt,
             "trip": share.trip,
             "price": share.charged,
+            "payment_terms": share.payment_terms,
             "is_pooled": share.is_pooled,
             "packages": _own_etas(share, mission.packages),
             "plan": plan,

@@ -1,4 +1,4 @@
-"""What providers earn: the prices of completed missions, by day."""
+"""What providers earn: the lines of the ledger, by day."""
 
 from datetime import timedelta
 from typing import Any
@@ -24,7 +24,7 @@ async def earnings(gateway: Gateway, query: str = "") -> dict[str, Any]:
     return found
 
 
-async def test_completed_missions_are_added_up_by_day(gateway_on_both: Gateway) -> None:
+async def test_missions_that_delivered_are_added_up_by_day(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     await completed(gateway)
     await completed(gateway)
@@ -33,14 +33,14 @@ async def test_completed_missions_are_added_up_by_day(gateway_on_both: Gateway) 
     await completed(gateway, state="ABORTED")
     await gateway.planned()
     found = await earnings(gateway)
-    assert (found["currency"], found["deliveries"], found["amount"]) == ("USD", 3, 3 * 1234)
+    assert (found["currency"], found["deliveries"], found["amount"]) == ("USD", 4, 4 * 1234)
     assert [(day["day"], day["missions"], day["amount"]) for day in found["by_day"]] == [
         ("2026-03-01", 2, 2468),
-        ("2026-03-02", 1, 1234),
+        ("2026-03-02", 2, 2468),
     ]
 
 
-async def test_from_and_to_limit_when_missions_ended(gateway_on_both: Gateway) -> None:
+async def test_from_and_to_limit_when_lines_were_written(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     await completed(gateway)
     gateway.clock.advance(timedelta(days=1))
@@ -63,7 +63,7 @@ async def test_a_provider_without_missions_has_earned_nothing(gateway: Gateway) 
 async def test_earnings_in_an_earlier_currency_are_only_listed(gateway: Gateway) -> None:
     gateway.is_damaged = True
     await completed(gateway)
-    await gateway.execute("UPDATE missions SET currency = 'EUR'")
+    await gateway.execute("UPDATE ledger SET currency = 'EUR'")
     gateway.clock.advance(timedelta(days=1))
     await completed(gateway)
     found = await earnings(gateway)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from skyway_gateway.app import take_over
-from skyway_gateway.places.customer_request import CustomerRequest
+from skyway_gateway.deliveries.lifecycle.customer_forms import NewDelivery
 from skyway_gateway.quotes.store import keep_network
 
 from skyway.contracts.candidate import PayloadLimit
@@ -381,7 +381,7 @@ async def test_a_delivery_that_this_process_books_is_claimed_when_it_is_added(
     for _ in range(2):  # the second call repeats the first
         await acceptance.accept(
             Caller(role="customer", subject_id="alice"),
-            CustomerRequest.model_validate(request_body()),
+            NewDelivery.model_validate(request_body()),
             KeyedCall("customer:alice", "POST /v1/deliveries", "once", b""),
         )
 

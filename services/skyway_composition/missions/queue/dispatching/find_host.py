@@ -216,6 +216,7 @@ class HostFinder:
     ) -> MissionRecord | None:
         """The mission with the packages of both, to be planned again; None if they do not fit."""
         request, solo = asked.request, asked.of_provider[host.mission.provider_id]
+        tariff = solo.parts[0].candidate.tariff
         pickup = host.request.pickup
         mission_id = MissionId(self.context.mint("msn"))
         flying = {
@@ -226,7 +227,8 @@ class HostFinder:
             delivery_id=asked.delivery_id,
             attempt=asked.requested.attempt,
             price=solo.price,
-            pooled_price=solo.price.pooled(solo.parts[0].candidate.tariff),
+            pooled_price=solo.price.pooled(tariff),
+            payment_terms=tariff.payment_terms,
             packages={flown: each.package_id for flown, each in flying.items()},
             traceparent=current_traceparent(),
             near=pickups.near(pickup.station_id),

@@ -103,6 +103,7 @@ def share_of(record: MissionRecord) -> Share:
         trip=mission.trip,
         price=mission.price,
         pooled_price=mission.price.pooled(record.candidate.tariff),
+        payment_terms=mission.payment_terms,
         packages={each.package_id: each.package_id for each in record.request.packages},
         traceparent=record.traceparent,
     )
