@@ -58,6 +58,32 @@ def call_gateway(
     The command ends with a message on standard error when a setting is missing, when the gateway
     cannot be reached, and when it answers with a problem.
     """
+    answer = ask_gateway(
+        method,
+        path,
+        folder=folder,
+        key_name=key_name,
+        body=body,
+        idempotency_key=idempotency_key,
+    )
+    if not answer.is_success:
+        problem = _with_options(_problem(answer), options)
+        fail(f"{method} {path} was answered {answer.status_code}: {problem}")
+    if silent := answer.headers.get(_SILENT_CELLS):
+        typer.echo(f"without {silent}, which gave no answer", err=True)
+    return answer.json() if answer.content else None
+
+
+def ask_gateway(
+    method: str,
+    path: str,
+    *,
+    folder: DataFolder,
+    key_name: str | None = None,
+    body: bytes | None = None,
+    idempotency_key: str | None = None,
+) -> "httpx.Response":
+    """What the gateway answers, also if it refuses the call; the command ends without an answer."""
     import httpx
 
     headers = {} if body is None else {"Content-Type": "application/json"}
@@ -66,17 +92,9 @@ def call_gateway(
     url, key = gateway_and_key(folder, key_name)
     headers["Authorization"] = f"Bearer {key}"
     try:
-        answer = httpx.request(
-            method, url + path, content=body, headers=headers, timeout=_TIMEOUT_S
-        )
+        return httpx.request(method, url + path, content=body, headers=headers, timeout=_TIMEOUT_S)
     except (httpx.TransportError, httpx.InvalidURL) as error:
         fail(f"no answer from {url}: {error}. Is `skyway up` running?")
-    if not answer.is_success:
-        problem = _with_options(_problem(answer), options)
-        fail(f"{method} {path} was answered {answer.status_code}: {problem}")
-    if silent := answer.headers.get(_SILENT_CELLS):
-        typer.echo(f"without {silent}, which gave no answer", err=True)
-    return answer.json() if answer.content else None
 
 
 def list_items(folder: DataFolder, path: str, **about: Any) -> Iterator[dict[str, Any]]:

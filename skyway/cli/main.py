@@ -22,6 +22,7 @@ _COMMANDS: Final = {
     "track": "delivery:track_command",
     "drone": "drones.drone:drone_command",
     "fleet": "drones.fleet:fleet_command",
+    "register": "drones.register:register_app",
     "battery": "drones.upkeep:battery_app",
     "maintenance": "drones.upkeep:maintenance_app",
     "console": "console:console_command",
@@ -55,6 +56,7 @@ _SUMMARIES: Final = {
     "track": "Print what happens to a delivery, in fleet time, until it ends.",
     "drone": "Run the agent of one drone until Ctrl-C.",
     "fleet": "Run many simulated drones in one agent process until Ctrl-C.",
+    "register": "Register the drones or batteries of a CSV file, or only check its rows.",
     "battery": "Register batteries, and note which drone each is in.",
     "maintenance": "Set when drones are due for maintenance, list those that are, record what was "
     "done.",

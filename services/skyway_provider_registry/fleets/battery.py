@@ -123,6 +123,14 @@ class Battery(JsonModel):
     ]
 
 
+class RegisteredBatteries(JsonModel):
+    """The answer to the registration of a list of batteries."""
+
+    items: Annotated[
+        tuple[Battery, ...], Field(description="the new batteries, in the order of the list")
+    ]
+
+
 class BatteryWithHistory(Battery):
     """A battery, and the drones that it was in before: the last 100 installations."""
 

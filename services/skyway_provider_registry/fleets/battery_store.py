@@ -42,33 +42,59 @@ _BATTERIES: Final = select(batteries, _given_soc.label("given_soc")).outerjoin(
 )
 
 
-async def add(tx: Tx, new: NewBatteryRow) -> None:
-    """Store a new battery.
+async def add(tx: Tx, new: Sequence[NewBatteryRow]) -> None:
+    """Store new batteries of one provider: all or none.
 
     Raises
     ------
     Conflict
         SERIAL_TAKEN, or TOO_MANY_BATTERIES.
     """
-    own = select(func.count()).where(batteries.c.provider_id == new.provider_id)
-    if int((await tx.execute(own)).scalar_one()) >= MOST_BATTERIES:
-        raise Conflict("TOO_MANY_BATTERIES", f"the limit is {MOST_BATTERIES} batteries a provider")
-    row = {
-        "battery_id": new.battery_id,
-        "provider_id": new.provider_id,
-        "model_id": new.requested.model_id,
-        "serial": new.requested.serial,
-        "capacity_j": new.capacity_j,
-        "state_of_health": new.state_of_health,
-        "health_observations": 0,
-        "used_soc": 0.0,
-        "created_ms": moment_to_ms(new.created_at),
-    }
+    provider_id, serials = new[0].provider_id, [each.requested.serial for each in new]
+    await refuse_too_many(tx.connection, provider_id, new=len(new))
+    if taken := await taken_serials(tx.connection, provider_id, serials):
+        raise _serial_taken(repr(min(taken)))
+    rows = [
+        {
+            "battery_id": each.battery_id,
+            "provider_id": each.provider_id,
+            "model_id": each.requested.model_id,
+            "serial": each.requested.serial,
+            "capacity_j": each.capacity_j,
+            "state_of_health": each.state_of_health,
+            "health_observations": 0,
+            "used_soc": 0.0,
+            "created_ms": moment_to_ms(each.created_at),
+        }
+        for each in new
+    ]
     try:
-        await tx.execute(batteries.insert().values(row))
+        await tx.execute(batteries.insert(), rows)
     except RowRefused as error:
-        detail = f"serial {new.requested.serial!r} belongs to another of your batteries"
-        raise Conflict("SERIAL_TAKEN", detail) from error
+        raise _serial_taken("of one of these batteries") from error
+
+
+async def refuse_too_many(
+    connection: AsyncConnection, provider_id: ProviderId, *, new: int
+) -> None:
+    """Go on only if the provider may have so many new batteries."""
+    own = select(func.count()).where(batteries.c.provider_id == provider_id)
+    if int((await connection.execute(own)).scalar_one()) + new > MOST_BATTERIES:
+        raise Conflict("TOO_MANY_BATTERIES", f"the limit is {MOST_BATTERIES} batteries a provider")
+
+
+async def taken_serials(
+    connection: AsyncConnection, provider_id: ProviderId, serials: Sequence[str]
+) -> set[str]:
+    """The serials that other batteries of the provider have; at most 500 are asked about."""
+    query = select(batteries.c.serial).where(
+        batteries.c.provider_id == provider_id, batteries.c.serial.in_(serials)
+    )
+    return set((await connection.execute(query)).scalars())
+
+
+def _serial_taken(serial: str) -> Conflict:
+    return Conflict("SERIAL_TAKEN", f"serial {serial} belongs to another of your batteries")
 
 
 async def one(
@@ -91,6 +117,16 @@ async def one(
         **_shown(row).model_dump(),
         past_installations=tuple(_past(each) for each in await connection.execute(past)),
     )
+
+
+async def some(
+    connection: AsyncConnection, provider_id: ProviderId, battery_ids: Sequence[BatteryId]
+) -> dict[BatteryId, Battery]:
+    """These batteries of the provider, by id; at most 500 are asked about."""
+    query = _BATTERIES.where(
+        batteries.c.provider_id == provider_id, batteries.c.battery_id.in_(battery_ids)
+    )
+    return {row.battery_id: _shown(row) for row in await connection.execute(query)}
 
 
 async def page(

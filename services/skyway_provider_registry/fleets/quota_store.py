@@ -9,7 +9,7 @@ from skyway.contracts.drones import DroneQuota
 from skyway.ids import ProviderId
 from skyway.runtime.errors import Conflict
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.database import Database
 from skyway_provider_registry.tables import drones, providers
 
 
@@ -20,7 +20,9 @@ class DroneLimit:
     db: Database
     most: int
 
-    async def refuse_too_many(self, tx: Tx, provider_id: ProviderId, *, new: int) -> None:
+    async def refuse_too_many(
+        self, connection: AsyncConnection, provider_id: ProviderId, *, new: int
+    ) -> None:
         """Go on only if the provider may have so many new drones.
 
         Raises
@@ -28,12 +30,14 @@ class DroneLimit:
         Conflict
             TOO_MANY_DRONES.
         """
-        used = await _used(tx.connection, provider_id)
+        used = await _used(connection, provider_id)
         if used + new > self.most:
             detail = f"the limit is {self.most} drones of a provider; it has {used}"
             raise Conflict("TOO_MANY_DRONES", detail)
 
-    async def refuse_suspended(self, tx: Tx, provider_id: ProviderId, *, caller: Caller) -> None:
+    async def refuse_suspended(
+        self, connection: AsyncConnection, provider_id: ProviderId, *, caller: Caller
+    ) -> None:
         """Go on unless this is a suspended provider; operators may register drones for it.
 
         Raises
@@ -42,7 +46,7 @@ class DroneLimit:
             PROVIDER_SUSPENDED.
         """
         state = select(providers.c.state).where(providers.c.provider_id == provider_id)
-        if caller.role == "provider" and await tx.connection.scalar(state) == "SUSPENDED":
+        if caller.role == "provider" and await connection.scalar(state) == "SUSPENDED":
             detail = "a suspended provider registers no drones: ask an operator"
             raise Conflict("PROVIDER_SUSPENDED", detail)
 

@@ -1,6 +1,6 @@
 """Checks new drones and changes of drones; prepares ids, accounts and answers, and stores them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated, Final
@@ -185,6 +185,17 @@ def _of_one(
     if drone.model_id not in models:
         yield "model_id", unknown_name("drone model", drone.model_id, models)
     yield from home_faults(drone.home_station_id, models.get(drone.model_id), tariff, check)
+
+
+def taken_faults(new_drones: Sequence[NewDrone], taken: Collection[str]) -> list[RegistrationFault]:
+    """The drones whose registration another drone of the provider has."""
+    return [
+        RegistrationFault(
+            index, "registration", f"{each.registration!r} belongs to another of your drones"
+        )
+        for index, each in enumerate(new_drones)
+        if each.registration in taken
+    ]
 
 
 def _repeated_registrations(new_drones: Sequence[NewDrone]) -> Iterator[RegistrationFault]:

@@ -2,15 +2,19 @@
 
 import asyncio
 import json
+from collections.abc import Mapping
 from typing import Annotated
 
 from fastapi import Depends, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from pydantic import Discriminator, Field, Tag
+from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.cells import CellClients
 from skyway.contracts.drones import MOST_NEW_DRONES
-from skyway.ids import DroneId, NetworkId, ProviderId
+from skyway.contracts.station_check import StationCheck
+from skyway.drone.model import DroneModel
+from skyway.ids import DroneId, DroneModelId, NetworkId, ProviderId
 from skyway.runtime.errors import Conflict
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, response_of
 from skyway.runtime.http.identity import Caller
@@ -30,6 +34,7 @@ from skyway_provider_registry.fleets.drone import (
     NewDrone,
     RegisteredDrone,
 )
+from skyway_provider_registry.fleets.dry_run import GOOD_DRY_RUN, DryRun
 from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.fleets.registration import (
     PreparedDrones,
@@ -39,6 +44,7 @@ from skyway_provider_registry.fleets.registration import (
     faults_of,
     prepare,
     store_drones,
+    taken_faults,
 )
 from skyway_provider_registry.fleets.statistics_store import FleetStatistics, totals
 from skyway_provider_registry.fleets.store import every_model
@@ -212,15 +218,27 @@ def registration_routes(
     """POST /v1/providers/{provider_id}/drones."""
     router = ServiceRouter(tags=("drones",))
 
-    async def prepared(
+    async def checked(
         new_drones: list[NewDrone], *, caller: Caller, provider_id: ProviderId, raw: bytes
-    ) -> PreparedDrones:
+    ) -> tuple[Mapping[DroneModelId, DroneModel], StationCheck]:
         async with context.db.read() as connection:
             provider = await providers.of_caller(connection, caller, provider_id=provider_id)
             models = await every_model(connection)
         check = await stations.check(drone.home_station_id for drone in new_drones)
         faults = faults_of(new_drones, models=models, tariff=provider.tariff, check=check)
         _refuse(faults, raw=raw)
+        return models, check
+
+    async def must_fit(
+        connection: AsyncConnection, provider_id: ProviderId, caller: Caller, *, new: int
+    ) -> None:
+        await limit.refuse_suspended(connection, provider_id, caller=caller)
+        await limit.refuse_too_many(connection, provider_id, new=new)
+
+    async def prepared(
+        new_drones: list[NewDrone], *, caller: Caller, provider_id: ProviderId, raw: bytes
+    ) -> PreparedDrones:
+        models, check = await checked(new_drones, caller=caller, provider_id=provider_id, raw=raw)
         # In a thread: preparing 500 drones would hold up the event loop.
         return await asyncio.to_thread(
             prepare,
@@ -238,15 +256,19 @@ def registration_routes(
         "/v1/providers/{provider_id}/drones",
         status_code=201,
         response_model=RegisteredDrone | RegisteredDrones,
-        responses=conflicts(
-            "NO_NETWORK", "PROVIDER_SUSPENDED", "REGISTRATION_TAKEN", "TOO_MANY_DRONES"
-        ),
+        responses={
+            **conflicts(
+                "NO_NETWORK", "PROVIDER_SUSPENDED", "REGISTRATION_TAKEN", "TOO_MANY_DRONES"
+            ),
+            **GOOD_DRY_RUN,
+        },
     )
     async def register_drones(
         provider_id: ProviderId,
         request: Request,
         caller: Annotated[Caller, Depends(context.gate)],
         wanted: NewDrones,
+        query: Annotated[DryRun, Query()],
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Register one drone or a list of drones, all or none.
@@ -256,13 +278,19 @@ def registration_routes(
         caller.must_be("operator", "provider")
         raw = await request.body()
         new_drones = wanted if isinstance(wanted, list) else [wanted]
+        if query.dry_run:
+            await checked(new_drones, caller=caller, provider_id=provider_id, raw=raw)
+            async with context.db.read() as connection:
+                await must_fit(connection, provider_id, caller, new=len(new_drones))
+                taken = await store.taken_registrations(connection, provider_id, new_drones)
+            _refuse(taken_faults(new_drones, taken), raw=raw)
+            return Response(status_code=204)
         ready = await prepared(new_drones, caller=caller, provider_id=provider_id, raw=raw)
         form = _answer_of_list if isinstance(wanted, list) else _answer_of_one
         answer = await asyncio.to_thread(form, ready)
 
         async def act(tx: Tx) -> Answer:
-            await limit.refuse_suspended(tx, provider_id, caller=caller)
-            await limit.refuse_too_many(tx, provider_id, new=len(new_drones))
+            await must_fit(tx.connection, provider_id, caller, new=len(new_drones))
             await store_drones(tx, ready)
             return answer
 

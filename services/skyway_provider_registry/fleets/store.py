@@ -20,7 +20,7 @@ from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.change_store import mark_removal
-from skyway_provider_registry.fleets.drone import Drone, DroneStateName, FleetDrone
+from skyway_provider_registry.fleets.drone import Drone, DroneStateName, FleetDrone, NewDrone
 from skyway_provider_registry.presence.learned_store import LEARNED_COLUMNS, shown, with_learned
 from skyway_provider_registry.presence.maintenance_store import maintenance_of
 from skyway_provider_registry.presence.store import (
@@ -186,16 +186,27 @@ async def remove(tx: Tx, caller: Caller, *, provider_id: ProviderId, drone_id: D
 
 async def _refuse_duplicate_registrations(tx: Tx, new_drones: Sequence[FleetDrone]) -> None:
     """Find the registration that another drone has; the error of the database names none."""
+    for provider_id in {drone.provider_id for drone in new_drones}:
+        taken = await taken_registrations(tx.connection, provider_id, new_drones)
+        if taken:
+            raise _conflict(repr(min(taken)))
+
+
+async def taken_registrations(
+    connection: AsyncConnection,
+    provider_id: ProviderId,
+    new_drones: Sequence[FleetDrone | NewDrone],
+) -> set[str]:
+    """The registrations of these drones that other drones of the provider have."""
     registrations = [drone.registration for drone in new_drones if drone.registration is not None]
-    provider_ids = {drone.provider_id for drone in new_drones}
+    taken: set[str] = set()
     for start in range(0, len(registrations), _CHUNK):
         duplicates = select(drones.c.registration).where(
-            drones.c.provider_id.in_(provider_ids),
+            drones.c.provider_id == provider_id,
             drones.c.registration.in_(registrations[start : start + _CHUNK]),
         )
-        found = (await tx.execute(duplicates.limit(1))).scalar()
-        if found is not None:
-            raise _conflict(repr(found))
+        taken |= set((await connection.execute(duplicates)).scalars())
+    return taken
 
 
 def _conflict(registration: str) -> Conflict:

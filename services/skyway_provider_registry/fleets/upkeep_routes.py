@@ -1,10 +1,16 @@
 """Batteries and maintenance of a provider's drones, over REST."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Annotated
 
 from fastapi import Depends, Query, Response
+from pydantic import Discriminator, Field, Tag
+from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.contracts.drones import MOST_NEW_DRONES
+from skyway.drone.model import DroneModel
 from skyway.errors import InvalidInput
 from skyway.ids import BatteryId, DroneId, DroneModelId, ProviderId
 from skyway.json_model import JsonModel
@@ -20,44 +26,120 @@ from skyway_provider_registry.fleets.battery import (
     BatteryWithHistory,
     NewBattery,
     NewBatteryRow,
+    RegisteredBatteries,
 )
 from skyway_provider_registry.fleets.drone import Drone
+from skyway_provider_registry.fleets.dry_run import GOOD_DRY_RUN, DryRun
 from skyway_provider_registry.presence import maintenance_store
 from skyway_provider_registry.presence.store import touch
 from skyway_provider_registry.presence.wear import MaintenanceRule, ModelMaintenance
 from skyway_provider_registry.providers import store as providers
 
 
+def _form_of(body: object) -> str:
+    return "list" if isinstance(body, list) else "object"
+
+
+#: One battery, or many in one call.
+NewBatteries = Annotated[
+    Annotated[NewBattery, Tag("object")]
+    | Annotated[
+        list[NewBattery],
+        Field(min_length=1, max_length=MOST_NEW_DRONES, fail_fast=True),
+        Tag("list"),
+    ],
+    Discriminator(_form_of),
+]
+
+
+@contextmanager
+def in_item(index: int) -> Iterator[None]:
+    """Name the place in the list in what is wrong with one of its items."""
+    try:
+        yield
+    except InvalidInput as error:
+        raise InvalidInput(f"{index}.{error.field}", error.detail) from error
+
+
 def battery_routes(context: Context) -> ServiceRouter:
     """/v1/providers/{provider_id}/batteries and /{battery_id}: POST, GET and DELETE."""
     router = ServiceRouter(tags=("drones",), prefix="/v1/providers/{provider_id}/batteries")
 
-    @router.post("", status_code=201, responses=conflicts("SERIAL_TAKEN", "TOO_MANY_BATTERIES"))
-    async def register_battery(
+    def row_of(
+        requested: NewBattery, provider_id: ProviderId, model: DroneModel | None
+    ) -> NewBatteryRow:
+        if model is None:
+            raise InvalidInput("model_id", f"no drone model is called {requested.model_id!r}")
+        return NewBatteryRow(
+            battery_id=BatteryId(context.mint("bat")),
+            provider_id=provider_id,
+            requested=requested,
+            capacity_j=requested.capacity_j or model.battery_j,
+            state_of_health=requested.first_health(model),
+            created_at=context.clock.now(),
+        )
+
+    async def rows_of(
+        connection: AsyncConnection, provider_id: ProviderId, requested: NewBatteries
+    ) -> list[NewBatteryRow]:
+        models = await store.every_model(connection)
+        if not isinstance(requested, list):
+            return [row_of(requested, provider_id, models.get(requested.model_id))]
+        rows = []
+        for index, each in enumerate(requested):
+            with in_item(index):
+                rows.append(row_of(each, provider_id, models.get(each.model_id)))
+                if any(each.serial == other.serial for other in requested[:index]):
+                    raise InvalidInput("serial", f"{each.serial!r} stands twice in this list")
+        return rows
+
+    async def must_be_new(
+        connection: AsyncConnection,
+        provider_id: ProviderId,
+        rows: list[NewBatteryRow],
+        *,
+        is_list: bool,
+    ) -> None:
+        await battery_store.refuse_too_many(connection, provider_id, new=len(rows))
+        serials = [each.requested.serial for each in rows]
+        taken = await battery_store.taken_serials(connection, provider_id, serials)
+        for index, serial in enumerate(serials):
+            if serial in taken:
+                detail = f"{serial!r} belongs to another of your batteries"
+                raise InvalidInput(f"{index}.serial" if is_list else "serial", detail)
+
+    @router.post(
+        "",
+        status_code=201,
+        response_model=Battery | RegisteredBatteries,
+        responses={**conflicts("SERIAL_TAKEN", "TOO_MANY_BATTERIES"), **GOOD_DRY_RUN},
+    )
+    async def register_batteries(
         provider_id: ProviderId,
         caller: Annotated[Caller, Depends(context.gate)],
-        requested: NewBattery,
+        requested: NewBatteries,
+        query: Annotated[DryRun, Query()],
         response: Response,
-    ) -> Battery:
-        """Register a battery; a serial number is registered once."""
+    ) -> Battery | RegisteredBatteries | Response:
+        """Register one battery or a list, all or none; a serial number is registered once."""
         caller.must_be("operator", "provider")
+        if query.dry_run:
+            async with context.db.read() as connection:
+                await providers.of_caller(connection, caller, provider_id=provider_id)
+                rows = await rows_of(connection, provider_id, requested)
+                is_list = isinstance(requested, list)
+                await must_be_new(connection, provider_id, rows, is_list=is_list)
+            return Response(status_code=204)
         async with context.db.write() as tx:
             await providers.of_caller(tx.connection, caller, provider_id=provider_id)
-            models = await store.every_model(tx.connection)
-            if (model := models.get(requested.model_id)) is None:
-                raise InvalidInput("model_id", f"no drone model is called {requested.model_id!r}")
-            new = NewBatteryRow(
-                battery_id=BatteryId(context.mint("bat")),
-                provider_id=provider_id,
-                requested=requested,
-                capacity_j=requested.capacity_j or model.battery_j,
-                state_of_health=requested.first_health(model),
-                created_at=context.clock.now(),
-            )
-            await battery_store.add(tx, new)
-            battery = await battery_store.one(tx.connection, provider_id, new.battery_id)
-        response.headers["Location"] = f"/v1/providers/{provider_id}/batteries/{new.battery_id}"
-        return battery
+            rows = await rows_of(tx.connection, provider_id, requested)
+            await battery_store.add(tx, rows)
+            ids = [each.battery_id for each in rows]
+            stored = await battery_store.some(tx.connection, provider_id, ids)
+        if isinstance(requested, list):
+            return RegisteredBatteries(items=tuple(stored[each] for each in ids))
+        response.headers["Location"] = f"/v1/providers/{provider_id}/batteries/{ids[0]}"
+        return stored[ids[0]]
 
     @router.get("")
     async def list_batteries(
