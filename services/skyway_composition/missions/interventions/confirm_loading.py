@@ -15,8 +15,6 @@ from skyway.errors import InvalidInput
 from skyway.ids import MissionId, PackageId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import Conflict
-from skyway.units import moment_to_ms
-from skyway_composition import alarm_store
 from skyway_composition.context import Context
 from skyway_composition.missions.interventions.stop_packages import (
     PACKAGES_CANCELLED,
@@ -24,7 +22,11 @@ from skyway_composition.missions.interventions.stop_packages import (
 from skyway_composition.missions.mission import end as ending
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, lock_mission
+from skyway_composition.missions.mission.unit_of_work import (
+    MissionUnitOfWork,
+    lock_mission,
+    raise_alarm,
+)
 from skyway_composition.missions.replanning.check_plan import request_plan
 
 #: A measured mass may differ by the larger of these, kilograms and a share. Our own choices.
@@ -101,17 +103,12 @@ async def refuse_loading(
     work: MissionUnitOfWork, record: MissionRecord, fault: LoadingFault
 ) -> None:
     """End a mission that was not loaded as agreed, and raise an alarm."""
-    mission = record.mission
-    await alarm_store.add(
-        work.tx,
+    await raise_alarm(
+        work,
+        record,
         level="WARNING",
         code=fault.code,
         detail=fault.detail,
-        at_ms=moment_to_ms(work.clock.now()),
-        mint=work.mint,
-        provider_id=mission.provider_id,
-        drone_id=mission.drone_id,
-        mission_id=mission.mission_id,
         station_id=record.request.pickup.station_id,
         data=fault.data,
     )

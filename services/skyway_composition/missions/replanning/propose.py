@@ -32,7 +32,7 @@ from skyway_composition.missions.mission.from_trip import (
     flight_steps,
     next_revision,
 )
-from skyway_composition.missions.mission.instruct import send_steps
+from skyway_composition.missions.mission.instruct import mission_draft
 from skyway_composition.missions.mission.record import (
     CALLED_HOME,
     OF_STANDBY_ONLY,
@@ -77,10 +77,7 @@ async def propose(
         Another mission has one of the new pads.
     """
     draft = _draft(revision, anchor, trouble)
-    link, instruction_id = await work.courier.post(
-        work.tx, work.links[record.drone_id], draft, expires_at=work.courier.expiry()
-    )
-    work.links[record.drone_id] = link
+    instruction_id = await work.send(record.drone_id, draft)
     record = with_aims(work, record, revision.aims, code=trouble.code, detail=trouble.detail)
     proposal = Proposal(
         instruction_id=instruction_id,
@@ -173,14 +170,7 @@ async def replace_plan(
     record = replace(record, mission=mission, stuck=None, trouble=None, reported_activity=None)
     await release_unneeded_pads(work, record)
     record = await release_left_out(work, record)
-    work.links[record.drone_id] = await send_steps(
-        work.tx,
-        work.courier,
-        work.links[record.drone_id],
-        mission=mission,
-        steps=revision.steps,
-        expires_at=work.courier.expiry(),
-    )
+    await work.send(record.drone_id, mission_draft(mission, revision.steps))
     record = _report_replanned(work, record, code=trouble.code, detail=trouble.detail)
     await work.save(record)
 
@@ -197,7 +187,6 @@ def with_aims(
         work,
         record,
         "RETURNING",
-        at=work.clock.now(),
         package_ids=turned,
         code=code,
         detail=detail,
@@ -279,7 +268,6 @@ def _report_replanned(
         work,
         record,
         "REPLANNED",
-        at=work.clock.now(),
         code=code,
         detail=detail,
         etas=record.mission.packages,
