@@ -101,7 +101,7 @@ class Parts(Context):
     @property
     def keeper(self) -> OfferKeeper:
         """Keeps offers while they are accepted."""
-        return OfferKeeper(self, self.bookings.rounds, self.turns)
+        return OfferKeeper(self, self.turns)
 
     @property
     def loadings(self) -> Loadings:

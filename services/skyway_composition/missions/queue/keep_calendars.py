@@ -25,7 +25,9 @@ from skyway.runtime.errors import RowRefused
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.sql.database import Tx
 from skyway.scheduling.stays import Slot
-from skyway_composition.calendar.commit import Snapshot, WorldChanged
+from skyway.units import NEVER_MS
+from skyway_composition.calendar.attempts import Change, commit
+from skyway_composition.calendar.commit import Snapshot
 from skyway_composition.context import Context
 from skyway_composition.margins import HAND_OVER, PLANS_QUEUE, REACHES, WAITS_FOR_DRONE
 from skyway_composition.missions.mission.end import refuse
@@ -174,20 +176,22 @@ class Calendars:
         if not changed and not is_hopeless:
             return False
         seen = Snapshot(world.present, {calendar.drone_id: calendar.version})
-        async with self.context.db.write() as tx:
-            try:
-                work = await MissionUnitOfWork.lock_as_seen(self.context, tx, seen)
-            except WorldChanged:
-                return True
+
+        async def write(tx: Tx) -> None:
+            work = await MissionUnitOfWork.lock_as_seen(self.context, tx, seen)
             tx.after_commit(self.context.dispatches.set)
             if is_hopeless:
                 await refuse(work, first, code="DRONE_NOT_FREE", detail=_NO_PLAN)
-            else:
-                await _apply(work, calendar, changed, skyway)
-                took_ms = self.context.now_ms - began_ms
-                self._last_plan_took_ms[calendar.drone_id] = took_ms
-                if calendar.before is None:
-                    await self._send_if_in_time(work, calendar.drone_id)
+                return
+            await _apply(work, calendar, changed, skyway)
+            self._last_plan_took_ms[calendar.drone_id] = self.context.now_ms - began_ms
+            if calendar.before is None:
+                await self._send_if_in_time(work, calendar.drone_id)
+
+        # The missions may begin later than planned: then they are planned again.
+        lost = await commit(self.context, Change(NEVER_MS, write))
+        if isinstance(lost, RowRefused):
+            raise lost
         return True
 
     async def _send_if_in_time(self, work: MissionUnitOfWork, drone_id: DroneId) -> None:

@@ -7,14 +7,15 @@ mission stays as it is.
 import logging
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, ReturnStep
 from skyway.ids import MissionId
-from skyway.runtime.errors import RowRefused
+from skyway.runtime.sql.database import Tx
 from skyway.scheduling.giving_way import YieldingStandby
 from skyway.scheduling.trip import BookedPad, Trip
-from skyway_composition.calendar.commit import WorldChanged
+from skyway_composition.calendar.attempts import Change, commit
 from skyway_composition.context import Context
 from skyway_composition.missions.mission.record import GIVE_WAY, Trouble
 from skyway_composition.missions.mission.standby import (
@@ -73,10 +74,10 @@ class StandbyRequests:
             asked = await self._in_standby(case)
         if asked is None:
             return False
-        is_sent = await self._propose(asked)
-        about = {"mission_id": standby.mission_id, "is_sent": is_sent}
+        lost = await commit(self.context, Change(asked.starts_ms, partial(self._send, asked=asked)))
+        about = {"mission_id": standby.mission_id, "lost": lost and repr(lost)}
         log.info("standby asked to give way", extra=about)
-        return is_sent
+        return lost is None
 
     async def _case(self, standby: YieldingStandby, needed: Collection[BookedPad]) -> Case | None:
         seen = await read_situation(self.context, standby.drone_id)
@@ -152,24 +153,10 @@ class StandbyRequests:
             return None
         return _Asked(case, anchor, revision, remainder.trip.start_ms)
 
-    async def _propose(self, asked: _Asked) -> bool:
-        """Send the revision, unless the world, the mission or its drone's calendar has changed."""
-        case = asked.case
-        if asked.starts_ms < self.context.now_ms:
-            return False
-        try:
-            async with self.context.db.write() as tx:
-                work = await MissionUnitOfWork.lock_as_seen(self.context, tx, case.seen)
-                record = work.missions[case.record.drone_id]
-                await propose(work, record, asked.revision, anchor=asked.anchor, trouble=_WHY)
-        except WorldChanged:
-            return False
-        except RowRefused as taken:
-            log.info(
-                "pad taken", extra={"mission_id": case.record.mission_id, "by": taken.constraint}
-            )
-            return False
-        return True
+    async def _send(self, tx: Tx, *, asked: _Asked) -> None:
+        work = await MissionUnitOfWork.lock_as_seen(self.context, tx, asked.case.seen)
+        record = work.missions[asked.case.record.drone_id]
+        await propose(work, record, asked.revision, anchor=asked.anchor, trouble=_WHY)
 
 
 def _last_of_service(situation: Situation) -> StepRecord | None:

@@ -359,6 +359,7 @@ async def test_a_kill_before_the_end_of_the_transaction_leaves_the_calendar_whol
         """Finds shared trips, and is killed after all writes of a join."""
 
         joint: SharedTrip | None = None
+        first_start_ms = 2**62
 
         async def find(self, *asked: Any) -> SharedTrip | None:
             self.joint = await found.find(*asked)
