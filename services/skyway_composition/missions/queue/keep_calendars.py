@@ -52,7 +52,7 @@ from skyway_composition.missions.queue.next_mission import (
     Times,
     decide,
 )
-from skyway_composition.missions.queue.plan_queue import Dropped, Moved, plan_queue
+from skyway_composition.missions.queue.plan_queue import Dropped, Moved, QueuePlanner
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.networks.store import share_current
 from skyway_composition.planning.availability import send_ahead_ms
@@ -132,7 +132,7 @@ class Calendars:
                 following,
                 before=calendar.before,
                 link=work.links.get(drone_id),
-                is_planned_in_this_world=_planned_in(following) == present,
+                is_planned_in_this_world=following.planned_in == present,
                 times=self._times(drone_id),
             )
             match decision:
@@ -164,14 +164,8 @@ class Calendars:
                 *([] if calendar.before is None else [calendar.before.mission_id]),
             ],
         )
-        changed = await plan_queue(
-            self.context.solver,
-            world,
-            calendar.queued,
-            slot,
-            clock=self.context.clock,
-            tolerance_s=self.tolerance_s,
-        )
+        planner = QueuePlanner(self.context, world, self.tolerance_s)
+        changed = await planner.plan(calendar.queued, slot)
         is_hopeless = not changed and self._times().is_overdue(first)
         if not changed and not is_hopeless:
             return False
@@ -259,11 +253,6 @@ async def _apply(
             await move(work, each, skyway, earlier=earlier[mission_id], before=before)
             before.append(mission_id)
     await restore_pads(work.tx, calendar.drone_id)
-
-
-def _planned_in(record: MissionRecord) -> tuple[int, int] | None:
-    planned_in = record.planned_in
-    return None if planned_in is None else (planned_in.version, planned_in.conditions)
 
 
 @dataclass(frozen=True, slots=True)

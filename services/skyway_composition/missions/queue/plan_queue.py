@@ -11,17 +11,17 @@ from skyway.errors import InvalidProblem
 from skyway.ids import PackageId
 from skyway.planner.problem import Problem
 from skyway.planner.problem_parts import PackageToDeliver
-from skyway.runtime.clock import FleetClock
 from skyway.scheduling.standby import StandbyChoice, fitted, standby_for
 from skyway.scheduling.stays import Slot, slot_after
 from skyway.scheduling.trip import NoTrip, Trip
 from skyway.units import moment_to_ms
+from skyway_composition.context import Context
 from skyway_composition.margins import HAND_OVER
 from skyway_composition.missions.mission.from_trip import replanned_in_queue
-from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.networks.store import Present
 from skyway_composition.planning.find_trip import round_trip
-from skyway_composition.planning.problem_for import Standing, delivery_problem, margins_of
-from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.problem_for import Standing, delivery_problem
 from skyway_composition.planning.world import World
 
 #: A mission may begin this much later than its drone is free and keep its plan, fleet milliseconds.
@@ -45,81 +45,105 @@ class Dropped:
     reason: NoTrip
 
 
-async def plan_queue(
-    solver: SolverPool,
-    world: World,
-    queued: Sequence[MissionRecord],
-    slot: Slot,
-    *,
-    clock: FleetClock,
-    tolerance_s: float,
-) -> list[Moved | Dropped]:
-    """New plans for the missions that no longer fit, in order; all later missions keep theirs.
+@dataclass(frozen=True, slots=True)
+class QueuePlanner:
+    """Plans QUEUED missions again, in a world in which their pads count as free.
 
     No package comes later than its promise by more than `tolerance_s` if another order of a
     mission's stops, or other recharges, can avoid it.
-    Nothing changes while a mission has no plan for a temporary reason: it is tried again. The pads
-    of all of `queued` count as free in `world`.
     """
-    changed: list[Moved | Dropped] = []
-    planned_in = PlannedIn(world.skyway.version, world.conditions_version)
-    for record, later in zip_longest(queued, queued[1:]):
-        if changed and _keeps_its_plan(record, slot, planned_in):
-            _end_last_standby(changed, record.start.at_ms - HAND_OVER.ms(clock))
-            break
-        fitting, drone_world = None, world.for_drone(record.candidate.learned)
-        try:
-            if later is not None and later.planned_in == planned_in:
-                fitting = await _trip_before(
-                    solver,
-                    drone_world,
-                    record,
-                    slot,
-                    later=later,
-                    clock=clock,
-                    tolerance_s=tolerance_s,
-                )
-            trip = fitting or await _trip(
-                solver, drone_world, record, slot, tolerance_s=tolerance_s
-            )
-        except InvalidProblem as error:
-            # A newer version of the network has hand-overs that are longer than the window.
-            trip = NoTrip("WINDOW_MISSED", str(error), is_temporary=False)
-        if isinstance(trip, NoTrip) and trip.is_temporary:
-            return []
-        if isinstance(trip, NoTrip):
-            changed.append(Dropped(record, trip))
-            continue
-        _end_last_standby(changed, trip.start_ms - HAND_OVER.ms(clock))
-        moved = replanned_in_queue(
-            record,
-            trip,
-            slot,
-            margins=margins_of(
-                drone_world, record.candidate.model, trip.plan, start_ms=trip.start_ms
-            ),
-            weather=world.weather_note(trip.start_ms),
-            planned_in=planned_in,
-        )
-        changed.append(Moved(moved, trip))
-        if fitting is not None:
-            break
-        following = slot_after(
-            moved.stays,
+
+    context: Context
+    world: World
+    tolerance_s: float
+
+    async def plan(self, queued: Sequence[MissionRecord], slot: Slot) -> list[Moved | Dropped]:
+        """New plans for the missions that no longer fit, in order; all later ones keep theirs.
+
+        Nothing changes while a mission has no plan for a temporary reason: it is tried again.
+        """
+        changed: list[Moved | Dropped] = []
+        present = self.world.present
+        for record, later in zip_longest(queued, queued[1:]):
+            if changed and _keeps_its_plan(record, slot, present):
+                _end_last_standby(changed, record.start.at_ms - self._hand_over_ms)
+                break
+            fitting = None
+            try:
+                if later is not None and later.planned_in == present:
+                    fitting = await self._trip_before(record, slot, later)
+                trip = fitting or await self._trip(record, slot)
+            except InvalidProblem as error:
+                # A newer version of the network has hand-overs that are longer than the window.
+                trip = NoTrip("WINDOW_MISSED", str(error), is_temporary=False)
+            if isinstance(trip, NoTrip) and trip.is_temporary:
+                return []
+            if isinstance(trip, NoTrip):
+                changed.append(Dropped(record, trip))
+                continue
+            _end_last_standby(changed, trip.start_ms - self._hand_over_ms)
+            moved = replanned_in_queue(record, trip, slot, world=self.world)
+            changed.append(Moved(moved, trip))
+            if fitting is not None:
+                break
             # Until then the drone may have left the station of its last delivery.
-            not_before_ms=0 if later is None else later.earliest_ms,
-            hand_over_ms=HAND_OVER.ms(clock),
-        )
-        if following is not None:
-            slot = following
-    return changed
+            free_ms = 0 if later is None else later.earliest_ms
+            following = slot_after(
+                moved.stays, not_before_ms=free_ms, hand_over_ms=self._hand_over_ms
+            )
+            slot = following or slot
+        return changed
+
+    @property
+    def _hand_over_ms(self) -> int:
+        return HAND_OVER.ms(self.context.clock)
+
+    async def _trip_before(
+        self, record: MissionRecord, slot: Slot, later: MissionRecord
+    ) -> Trip | None:
+        """A trip that ends where and when the next mission begins, which then keeps its plan."""
+        start = later.start
+        ready = Slot(start.station_id, start.at_ms - self._hand_over_ms, start.soc)
+        if ready.at_ms <= max(slot.at_ms, record.earliest_ms):
+            return None
+        due_ms = deadline_ms(record)
+        by_ms = ready.at_ms if due_ms is None else min(due_ms, ready.at_ms)
+        trip = await self._trip_in_time(record, slot, standby=standby_for(ready), latest_ms=by_ms)
+        return None if isinstance(trip, NoTrip) else fitted(trip, soc=slot.soc, ready=ready)
+
+    async def _trip(self, record: MissionRecord, slot: Slot) -> Trip | NoTrip:
+        by_ms, standby = deadline_ms(record), StandbyChoice.of(record.candidate)
+        trip = await self._trip_in_time(record, slot, standby=standby, latest_ms=by_ms)
+        if isinstance(trip, NoTrip) and record.request.has_windows:
+            # The trip may need to begin sooner than before to meet its windows.
+            world, from_ms = self._world_of(record), record.allowed_from_ms
+            sooner = problem_of(world, record, slot, from_ms=from_ms, latest_ms=by_ms)
+            trip = await round_trip(self.context.solver, world, sooner, standby=standby)
+        return trip
+
+    async def _trip_in_time(
+        self, record: MissionRecord, slot: Slot, *, standby: StandbyChoice, latest_ms: int | None
+    ) -> Trip | NoTrip:
+        """The earliest trip that keeps the promises of several packages; without one any trip."""
+        solver, world, tolerance_s = self.context.solver, self._world_of(record), self.tolerance_s
+        problem = problem_of(world, record, slot, from_ms=record.earliest_ms, latest_ms=latest_ms)
+        trip = await round_trip(solver, world, problem, standby=standby)
+        if isinstance(trip, NoTrip):
+            return trip
+        start_ms = trip.start_ms
+        due = with_promises(problem, trip.plan, record, start_ms=start_ms, tolerance_s=tolerance_s)
+        kept = trip if due is None else await round_trip(solver, world, due, standby=standby)
+        return trip if isinstance(kept, NoTrip) else kept
+
+    def _world_of(self, record: MissionRecord) -> World:
+        return self.world.for_drone(record.candidate.learned)
 
 
-def _keeps_its_plan(record: MissionRecord, slot: Slot, planned_in: PlannedIn) -> bool:
+def _keeps_its_plan(record: MissionRecord, slot: Slot, present: Present) -> bool:
     start = record.start
     latest_ms = max(slot.at_ms, record.earliest_ms) + _MOST_SLACK_MS
     is_in_time = slot.at_ms <= start.at_ms <= latest_ms
-    return is_in_time and slot.allows(start) and record.planned_in == planned_in
+    return is_in_time and slot.allows(start) and record.planned_in == present
 
 
 def _end_last_standby(changed: list[Moved | Dropped], until_ms: int) -> None:
@@ -129,65 +153,6 @@ def _end_last_standby(changed: list[Moved | Dropped], until_ms: int) -> None:
         if isinstance(last, Moved):
             changed[index] = replace(last, until_ms=until_ms)
             return
-
-
-async def _trip_before(
-    solver: SolverPool,
-    world: World,
-    record: MissionRecord,
-    slot: Slot,
-    *,
-    later: MissionRecord,
-    clock: FleetClock,
-    tolerance_s: float,
-) -> Trip | None:
-    """A trip that ends where and when the next mission begins, so that this one keeps its plan."""
-    start = later.start
-    ready = Slot(start.station_id, start.at_ms - HAND_OVER.ms(clock), start.soc)
-    if ready.at_ms <= max(slot.at_ms, record.earliest_ms):
-        return None
-    due_ms = deadline_ms(record)
-    by_ms = ready.at_ms if due_ms is None else min(due_ms, ready.at_ms)
-    problem = problem_of(world, record, slot, from_ms=record.earliest_ms, latest_ms=by_ms)
-    standby = standby_for(ready)
-    trip = await _trip_in_time(
-        solver, world, problem, record, standby=standby, tolerance_s=tolerance_s
-    )
-    return None if isinstance(trip, NoTrip) else fitted(trip, soc=slot.soc, ready=ready)
-
-
-async def _trip(
-    solver: SolverPool, world: World, record: MissionRecord, slot: Slot, *, tolerance_s: float
-) -> Trip | NoTrip:
-    by_ms = deadline_ms(record)
-    standby = StandbyChoice.of(record.candidate)
-    problem = problem_of(world, record, slot, from_ms=record.earliest_ms, latest_ms=by_ms)
-    trip = await _trip_in_time(
-        solver, world, problem, record, standby=standby, tolerance_s=tolerance_s
-    )
-    if isinstance(trip, NoTrip) and record.request.has_windows:
-        # The trip may need to begin sooner than before to meet its windows.
-        sooner = problem_of(world, record, slot, from_ms=record.allowed_from_ms, latest_ms=by_ms)
-        trip = await round_trip(solver, world, sooner, standby=standby)
-    return trip
-
-
-async def _trip_in_time(
-    solver: SolverPool,
-    world: World,
-    problem: Problem,
-    record: MissionRecord,
-    *,
-    standby: StandbyChoice,
-    tolerance_s: float,
-) -> Trip | NoTrip:
-    """The earliest trip that keeps the promises of several packages; without one any trip."""
-    trip = await round_trip(solver, world, problem, standby=standby)
-    if isinstance(trip, NoTrip):
-        return trip
-    due = with_promises(problem, trip.plan, record, start_ms=trip.start_ms, tolerance_s=tolerance_s)
-    kept = trip if due is None else await round_trip(solver, world, due, standby=standby)
-    return trip if isinstance(kept, NoTrip) else kept
 
 
 def with_promises(

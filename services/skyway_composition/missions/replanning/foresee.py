@@ -146,17 +146,7 @@ def _revision(after: Situation, found: Found | None) -> Revision | None:
     """The revision that would be sent."""
     if not isinstance(found, NewPlan):
         return None
-    case = found.case
-    return revision_of(
-        after.record,
-        found.remainder,
-        anchor=found.anchor,
-        trouble=case.trouble,
-        number=case.sent_revisions + 1,
-        energy_margin=case.energy_margin,
-        world=case.world,
-        link=after.link,
-    )
+    return revision_of(found, after.record, after.link)
 
 
 def _plan_and_reason(seen: Rehearsed, found: Found | None) -> _PlanAndReason:

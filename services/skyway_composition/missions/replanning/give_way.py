@@ -26,6 +26,7 @@ from skyway_composition.missions.mission.standby import (
 from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.case import Case, may_be_planned
+from skyway_composition.missions.replanning.find_plan import NewPlan
 from skyway_composition.missions.replanning.propose import Revision, propose, revision_of
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
@@ -138,16 +139,7 @@ class StandbyRequests:
         remainder = await planner.plan(anchor, _WHY)
         if not isinstance(remainder, Remainder) or remainder.given_up is not None:
             return None
-        revision = revision_of(
-            record,
-            remainder,
-            anchor=anchor,
-            trouble=_WHY,
-            number=case.sent_revisions + 1,
-            energy_margin=situation.energy_margin(case.world),
-            world=case.world,
-            link=situation.link,
-        )
+        revision = revision_of(NewPlan(case, anchor, remainder), record, situation.link)
         if not record.with_mission(revision.mission).stays:
             # Nothing could be booked behind the mission until it is over.
             return None

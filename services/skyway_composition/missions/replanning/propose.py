@@ -45,11 +45,10 @@ from skyway_composition.missions.mission.standby import release_unneeded_pads
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.call_off import release_left_out
 from skyway_composition.missions.replanning.check_plan import request_plan
+from skyway_composition.missions.replanning.find_plan import NewPlan
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, turned_back
 from skyway_composition.missions.replanning.store import plan_now
-from skyway_composition.planning.problem_for import margins_of
-from skyway_composition.planning.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,19 +278,10 @@ def _report_replanned(
 _LONGEST_WAIT: Final = timedelta(days=7)
 
 
-def revision_of(
-    record: MissionRecord,
-    remainder: Remainder,
-    *,
-    anchor: Anchor,
-    trouble: Trouble,
-    number: int,
-    energy_margin: float,
-    world: World,
-    link: DroneLink,
-) -> Revision:
-    """The mission's next revision with its steps, under this number and energy margin."""
-    skyway = world.skyway
+def revision_of(plan: NewPlan, record: MissionRecord, link: DroneLink) -> Revision:
+    """The mission's next revision by this plan, with its steps."""
+    case, anchor, remainder = plan.case, plan.anchor, plan.remainder
+    trouble, world, skyway = case.trouble, case.world, case.world.skyway
     terms = StepTerms.of(replace(record, aims=remainder.aims), skyway.settings)
     if remainder.given_up is not None:
         terms = replace(terms, returned=anchor.carried)
@@ -307,19 +297,12 @@ def revision_of(
         # The drone is home and charged. It needs one last step to end the mission.
         start_ms = remainder.trip.start_ms
         steps = (finished_wait(anchor.station_id, start_ms, step_id=anchor.first_step),)
-    margins = margins_of(
-        world.for_drone(record.candidate.learned),
-        record.candidate.model,
-        remainder.trip.plan,
-        start_ms=remainder.trip.start_ms,
-        energy_margin=energy_margin,
-    )
     mission = next_revision(
-        record.mission,
+        record,
         remainder.trip,
-        revision=number,
-        margins=margins,
-        weather=world.weather_note(remainder.trip.start_ms),
+        world,
+        revision=case.sent_revisions + 1,
+        energy_margin=case.energy_margin,
     ).model_copy(update={"given_up": remainder.given_up})
     if remainder.given_up is not None:
         # Packages that are left behind do not arrive, so they have no arrival time.

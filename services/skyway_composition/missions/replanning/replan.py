@@ -136,21 +136,13 @@ class Replanner:
 
     async def _send(self, tx: Tx, *, plan: NewPlan) -> None:
         """Send this remainder of the mission."""
-        case, anchor, remainder = plan.case, plan.anchor, plan.remainder
+        case, anchor = plan.case, plan.anchor
         work = await MissionUnitOfWork.lock_as_seen(self.context, tx, case.seen)
         record = work.missions[case.record.drone_id]
         await retry_stuck(tx, record.mission_id, at_wall_ms=0)
-        revision = revision_of(
-            record,
-            remainder,
-            anchor=anchor,
-            trouble=case.trouble,
-            number=case.sent_revisions + 1,
-            energy_margin=case.energy_margin,
-            world=case.world,
-            link=work.links[record.drone_id],
-        )
-        if case.closed.closes_landing(anchor.station_id, anchor.at_ms) and remainder.given_up:
+        revision = revision_of(plan, record, work.links[record.drone_id])
+        is_closed = case.closed.closes_landing(anchor.station_id, anchor.at_ms)
+        if is_closed and plan.remainder.given_up:
             await _raise_no_landing(work, record, anchor)
         if record.stuck is None:
             await propose(work, record, revision, anchor=anchor, trouble=case.trouble)

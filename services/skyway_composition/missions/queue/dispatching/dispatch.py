@@ -227,13 +227,12 @@ class OrderFinder:
         """The order of these drones with exact plans, if it is better."""
         hosts = [each.host for each in order.merges]
         moved = await plan_orders(
-            self.context.solver,
+            self.context,
             world,
             affected,
             order.orders,
             instead=hosts,
             times=times,
-            clock=self.context.clock,
             tolerance_s=self.terms.tolerance_s,
         )
         if isinstance(moved, NoTrip):

@@ -183,13 +183,12 @@ class HostFinder:
         if together is None:
             return None
         moved = await plan_orders(
-            self.context.solver,
+            self.context,
             world,
             fleet,
             fleet.orders,
             instead=[together],
             times=times,
-            clock=self.context.clock,
             tolerance_s=self.tolerance_s,
         )
         if isinstance(moved, NoTrip):
