@@ -27,19 +27,15 @@ CANCELLED = "CANCELLED"
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class Cancellations:
-    """Cancels what can be cancelled; wakes `stuck` afterwards."""
+async def cancel_packages(
+    context: Context, delivery_id: DeliveryId, requested: CancelMissions
+) -> Cancellation:
+    """Cancel what can be cancelled; returns what becomes of each package, and wakes `stuck`.
 
-    context: Context
-
-    async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
-        """Cancel packages; returns what becomes of each. A repeated request gets the same answer.
-
-        The order of locks is the usual one: the delivery (so that nothing is booked for it
-        meanwhile), the drones, their missions.
-        """
-        return await carry_out(self.context, _Stop(self.context, delivery_id, requested))
+    A repeated request gets the same answer. The order of locks is the usual one: the delivery (so
+    that nothing is booked for it meanwhile), the drones, their missions.
+    """
+    return await carry_out(context, _Stop(context, delivery_id, requested))
 
 
 @dataclass(frozen=True, slots=True)

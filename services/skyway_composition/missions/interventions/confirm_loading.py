@@ -62,41 +62,35 @@ class LoadingFault:
     data: Mapping[str, Any] = field(default_factory=dict)  # names and masses
 
 
-@dataclass(frozen=True, slots=True)
-class Loadings:
-    """Handles loaders' confirmations; wakes `stuck` after each."""
+async def handle_confirmation(
+    context: Context,
+    mission_id: MissionId,
+    listed: Sequence[PackageOnBoard],
+    *,
+    provider_id: ProviderId | None,
+) -> LoadingAnswer:
+    """Check whether the drone may take off with these packages; wakes `stuck`.
 
-    context: Context
-
-    async def confirm(
-        self,
-        mission_id: MissionId,
-        listed: Sequence[PackageOnBoard],
-        *,
-        provider_id: ProviderId | None,
-    ) -> LoadingAnswer:
-        """Check whether the drone may take off with these packages.
-
-        Raises
-        ------
-        NotFound
-            There is no such mission of this provider (None: of any provider).
-        Conflict
-            NOT_LOADING: the drone does not wait at the pickup. ALREADY_CONFIRMED, HELD, REPLANNING.
-        InvalidInput
-            A package is not of this mission, or is listed twice.
-        """
-        async with self.context.db.write() as tx:
-            work, record = await lock_mission(self.context, tx, mission_id, provider_id=provider_id)
-            _refuse_unless_loading(work, record)
-            _refuse_unknown_packages(record, listed)
-            tx.after_commit(self.context.stuck.set)
-            fault = _loading_fault(record, listed)
-            if fault is not None:
-                await refuse_loading(work, record, fault)
-                return LoadingAnswer(outcome="REFUSED", code=fault.code, detail=fault.detail)
-            await _confirm(work, record, listed)
-            return LoadingAnswer(outcome="CONFIRMED")
+    Raises
+    ------
+    NotFound
+        There is no such mission of this provider (None: of any provider).
+    Conflict
+        NOT_LOADING: the drone does not wait at the pickup. ALREADY_CONFIRMED, HELD, REPLANNING.
+    InvalidInput
+        A package is not of this mission, or is listed twice.
+    """
+    async with context.db.write() as tx:
+        work, record = await lock_mission(context, tx, mission_id, provider_id=provider_id)
+        _refuse_unless_loading(work, record)
+        _refuse_unknown_packages(record, listed)
+        tx.after_commit(context.stuck.set)
+        fault = _loading_fault(record, listed)
+        if fault is not None:
+            await refuse_loading(work, record, fault)
+            return LoadingAnswer(outcome="REFUSED", code=fault.code, detail=fault.detail)
+        await _confirm(work, record, listed)
+        return LoadingAnswer(outcome="CONFIRMED")
 
 
 async def refuse_loading(
