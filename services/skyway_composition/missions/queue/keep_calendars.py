@@ -43,16 +43,18 @@ from skyway_composition.missions.queue.move_queued import (
     send_next,
     shorten_standby,
 )
-from skyway_composition.missions.queue.next_mission import (
+from skyway_composition.missions.queue.plan_queue import (
+    Dropped,
     GiveUp,
     Leave,
+    Moved,
     PlanAgain,
+    QueuePlanner,
     Send,
     Shorten,
     Times,
     decide,
 )
-from skyway_composition.missions.queue.plan_queue import Dropped, Moved, QueuePlanner
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.networks.store import share_current
 from skyway_composition.planning.availability import send_ahead_ms

@@ -16,7 +16,6 @@ from skyway_composition.context import Context
 from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.missions.mission.instruct import is_being_called_off
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.case import outage_of, trouble_of
 from skyway_composition.missions.replanning.find_plan import (
     Found,
     Grounded,
@@ -26,6 +25,8 @@ from skyway_composition.missions.replanning.find_plan import (
     NoPlan,
     NoPlanYet,
     PlanFinder,
+    outage_of,
+    trouble_of,
 )
 from skyway_composition.missions.replanning.outlook import (
     NOT_YET,

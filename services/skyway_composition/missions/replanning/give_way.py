@@ -25,8 +25,7 @@ from skyway_composition.missions.mission.standby import (
 )
 from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.case import Case, may_be_planned
-from skyway_composition.missions.replanning.find_plan import NewPlan
+from skyway_composition.missions.replanning.find_plan import Case, NewPlan, may_be_planned
 from skyway_composition.missions.replanning.propose import Revision, propose, revision_of
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner

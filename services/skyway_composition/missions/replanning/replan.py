@@ -30,7 +30,6 @@ from skyway_composition.missions.replanning.call_off import (
     request_call_off,
     surely_stays_at_pickup,
 )
-from skyway_composition.missions.replanning.case import outage_of
 from skyway_composition.missions.replanning.find_plan import (
     MOST_REVISIONS,
     Found,
@@ -41,6 +40,7 @@ from skyway_composition.missions.replanning.find_plan import (
     NoPlan,
     NoPlanYet,
     PlanFinder,
+    outage_of,
 )
 from skyway_composition.missions.replanning.propose import propose, replace_plan, revision_of
 from skyway_composition.missions.replanning.remainder.anchor import Anchor

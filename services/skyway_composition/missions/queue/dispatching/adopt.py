@@ -20,7 +20,7 @@ from skyway_composition.missions.mission.standby import (
 from skyway_composition.missions.mission.step_store import replace_steps
 from skyway_composition.missions.mission.store import save_request
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report_left
-from skyway_composition.missions.queue.dispatching import store
+from skyway_composition.missions.queue import store
 from skyway_composition.missions.queue.dispatching.fleet import Calendar, Fleet, Moments
 from skyway_composition.missions.queue.dispatching.merger import Merge, promises_of
 from skyway_composition.missions.queue.dispatching.plan_orders import Judgement

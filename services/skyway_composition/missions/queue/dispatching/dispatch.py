@@ -22,7 +22,7 @@ from skyway_composition.calendar.attempts import Change, commit
 from skyway_composition.context import Context
 from skyway_composition.links.store import held_among, links_to
 from skyway_composition.margins import ANOTHER_ORDER, HAND_OVER, REACHES
-from skyway_composition.missions.queue.dispatching import store
+from skyway_composition.missions.queue import store
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, adopt
 from skyway_composition.missions.queue.dispatching.fleet import (
     Fleet,

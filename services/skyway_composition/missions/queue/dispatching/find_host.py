@@ -27,7 +27,7 @@ from skyway_composition.links.store import held_among, links_to
 from skyway_composition.margins import HAND_OVER, JOINS
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import NearPickup, Share, flight_id
-from skyway_composition.missions.queue.dispatching import store
+from skyway_composition.missions.queue import store
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, JoinedTrip
 from skyway_composition.missions.queue.dispatching.dispatch import free_to_take_off
 from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments, fleet_of
