@@ -240,13 +240,5 @@ def live_closure(closure: Closure) -> LiveClosure:
 def live_alarm(alarm: Alarm) -> LiveAlarm:
     """An alarm without the numbers behind it, which its own page shows."""
     return LiveAlarm.model_construct(
-        alarm_id=alarm.alarm_id,
-        level=alarm.level,
-        code=alarm.code,
-        detail=alarm.detail,
-        at=alarm.at,
-        provider_id=alarm.provider_id,
-        drone_id=alarm.drone_id,
-        mission_id=alarm.mission_id,
-        station_id=alarm.station_id,
+        **{each: getattr(alarm, each) for each in LiveAlarm.model_fields}
     )
