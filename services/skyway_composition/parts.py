@@ -27,9 +27,6 @@ from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.missions.following.follow import ReportHandler
 from skyway_composition.missions.following.quarantine_routes import Replays
-from skyway_composition.missions.interventions.cancel import Cancellations
-from skyway_composition.missions.interventions.confirm_loading import Loadings
-from skyway_composition.missions.interventions.give_command import CommandPreviews, Commands
 from skyway_composition.missions.queue.dispatching.dispatch import (
     Dispatcher,
     DispatchTerms,
@@ -83,6 +80,11 @@ class Parts(Context):
     reading: ReadingTurn = field(default_factory=ReadingTurn)
 
     @property
+    def context(self) -> Context:
+        """What missions need of these parts."""
+        return self
+
+    @property
     def handler(self) -> ReportHandler:
         """Handles the messages of drones."""
         return ReportHandler(self, self.quarantine)
@@ -101,27 +103,7 @@ class Parts(Context):
     @property
     def keeper(self) -> OfferKeeper:
         """Keeps offers while they are accepted."""
-        return OfferKeeper(self, self.bookings.rounds, self.turns)
-
-    @property
-    def loadings(self) -> Loadings:
-        """Takes the confirmations of loaders."""
-        return Loadings(self)
-
-    @property
-    def commands(self) -> Commands:
-        """Carries out the commands of operators."""
-        return Commands(self)
-
-    @property
-    def previews(self) -> CommandPreviews:
-        """Previews commands."""
-        return CommandPreviews(self, self.foresight)
-
-    @property
-    def cancellations(self) -> Cancellations:
-        """Cancels packages."""
-        return Cancellations(self)
+        return OfferKeeper(self, self.turns)
 
     @property
     def replays(self) -> Replays:

@@ -14,9 +14,9 @@ from skyway_composition.links.listening import Listening
 from skyway_composition.missions.booking.book import Bookings
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer, MissionImpact
 from skyway_composition.missions.following.follow import ReportHandler
-from skyway_composition.missions.interventions.cancel import Cancellations
-from skyway_composition.missions.interventions.confirm_loading import Loadings
-from skyway_composition.missions.interventions.give_command import Command, Commands
+from skyway_composition.missions.interventions.cancel import cancel_packages
+from skyway_composition.missions.interventions.confirm_loading import handle_confirmation
+from skyway_composition.missions.interventions.give_command import Command, give_command
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.store import MissionFilter, page
 from skyway_composition.missions.queue.dispatching.find_host import HostFinder
@@ -145,8 +145,6 @@ class BusyWorld:
         self.bookings = Bookings(context, pause=self._pause, shared=shared)
         impact = MissionImpact(context, Foresight(context))
         self.closings = Closings(db, networks, impact, clock, mint)
-        self.cancellations, self.commands = Cancellations(context), Commands(context)
-        self.loadings = Loadings(context)
         listening = Listening(clock, lone_replica(db, clock))
         quarantine = Quarantine(db, clock=clock, mint=mint, listening=listening)
         self.handler = ReportHandler(context, quarantine)
@@ -321,7 +319,7 @@ class BusyWorld:
     async def cancel(self, delivery_id: str, package_ids: tuple[str, ...] | None) -> Cancellation:
         wish = {"package_ids": package_ids, "reason": "changed my mind"}
         requested = CancelMissions.model_validate({"cancellation_id": self.mint("can"), **wish})
-        answer = await self.cancellations.cancel(DeliveryId(delivery_id), requested)
+        answer = await cancel_packages(self.context, DeliveryId(delivery_id), requested)
         self.released |= {(delivery_id, each) for each in answer.released}
         await self.converse()
         return answer
@@ -329,7 +327,7 @@ class BusyWorld:
     async def command(self, mission_id: MissionId, name: str, station_id: str | None) -> None:
         wish = {"command": name, "station_id": station_id, "reason": "an operator's wish"}
         with suppress(Conflict):
-            await self.commands.give(mission_id, Command.model_validate(wish))
+            await give_command(self.context, mission_id, Command.model_validate(wish))
         await self.converse()
 
     async def _load(self) -> None:
@@ -343,7 +341,7 @@ class BusyWorld:
                 for each in record.request.packages
             ]
             with suppress(Conflict):
-                await self.loadings.confirm(record.mission_id, listed, provider_id=None)
+                await handle_confirmation(self.context, record.mission_id, listed, provider_id=None)
 
     async def fetch_all(self) -> None:
         """Carry drones that landed in the open home, and repair them."""

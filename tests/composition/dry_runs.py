@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from skyway_composition.missions.interventions.give_command import Command, CommandPreviews
+from skyway_composition.missions.interventions.give_command import Command, preview_command
 from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.tables import metadata
 from sqlalchemy import select
@@ -24,10 +24,10 @@ async def all_rows(db: Database) -> dict[str, list[str]]:
 
 async def preview(world: BusyWorld, mission_id: MissionId, wish: dict[str, Any]) -> None:
     """Preview a command in a busy world, and check that this changes nothing."""
-    previews = CommandPreviews(world.context, Foresight(world.context))
+    command, foresight = Command.model_validate(wish), Foresight(world.context)
     before = await all_rows(world.db)
     try:
-        shown = await previews.preview(mission_id, Command.model_validate(wish))
+        shown = await preview_command(world.context, foresight, mission_id, command)
     except Conflict:
         shown = None
     assert await all_rows(world.db) == before

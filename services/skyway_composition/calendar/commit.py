@@ -48,8 +48,7 @@ async def lock_network(tx: Tx, present: Present) -> None:
     WorldChanged
         A version was published, or a closure made or lifted, since `present` was read.
     """
-    now = await share_current(tx, present.network_id)
-    if now != (present.version, present.conditions):
+    if await share_current(tx, present.network_id) != present:
         raise WorldChanged
 
 

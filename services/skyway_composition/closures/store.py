@@ -1,6 +1,6 @@
 """All SQL of closures, and of forecasts: each network has at most one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 from sqlalchemy import Row, bindparam, delete, insert, or_, select, true, update
@@ -104,23 +104,9 @@ async def change_conditions(tx: Tx, network_id: NetworkId | None) -> None:
 
 async def add(tx: Tx, closure: Closure) -> None:
     """Add a closure."""
-    await tx.execute(
-        insert(closures).values(
-            closure_id=closure.closure_id,
-            kind=closure.kind,
-            network_id=closure.network_id,
-            station_id=closure.station_id,
-            pad=closure.pad,
-            to_station_id=closure.to_station_id,
-            area=None if closure.area is None else closure.area.model_dump_json(),
-            provider_id=closure.provider_id,
-            drone_model_id=closure.drone_model_id,
-            reason=closure.reason,
-            from_ms=closure.from_ms,
-            until_ms=closure.until_ms,
-            made_ms=closure.made_ms,
-        )
-    )
+    row = {each.name: getattr(closure, each.name) for each in fields(closure)}
+    area = None if closure.area is None else closure.area.model_dump_json()
+    await tx.execute(insert(closures).values(row | {"area": area}))
 
 
 async def lift(tx: Tx, closure_id: ClosureId, *, now_ms: int) -> bool:
@@ -241,22 +227,8 @@ async def stations_between(
 
 
 def _closure(row: Row[Any]) -> Closure:  # a row of closures
-    return Closure(
-        closure_id=row.closure_id,
-        kind=row.kind,
-        network_id=row.network_id,
-        from_ms=row.from_ms,
-        made_ms=row.made_ms,
-        until_ms=row.until_ms,
-        lifted_ms=row.lifted_ms,
-        station_id=row.station_id,
-        pad=row.pad,
-        to_station_id=row.to_station_id,
-        area=None if row.area is None else Area.read(row.area),
-        provider_id=row.provider_id,
-        drone_model_id=row.drone_model_id,
-        reason=row.reason,
-    )
+    area = None if row.area is None else Area.read(row.area)
+    return Closure(**{**row._mapping, "area": area})
 
 
 #: What identifies a forecast: its SHA-256, and the measured wind that corrects it.

@@ -58,20 +58,16 @@ class Courier:
         """How long an instruction can be begun after it was sent."""
         return INSTRUCTION_LIFE.span(self.clock)
 
-    async def send(
-        self, tx: Tx, link: DroneLink, draft: Draft, *, expires_at: datetime
-    ) -> DroneLink:
-        """Send an instruction to the drone; store the changed link and return it."""
-        link, _ = await self.post(tx, link, draft, expires_at=expires_at)
-        return link
-
     async def post(
-        self, tx: Tx, link: DroneLink, draft: Draft, *, expires_at: datetime
+        self, tx: Tx, link: DroneLink, draft: Draft, *, expires_at: datetime | None = None
     ) -> tuple[DroneLink, InstructionId]:
-        """Send as `send` does, and return the instruction's id, which the drone's answer names."""
+        """Send an instruction to the drone, and store its changed link.
+
+        Returns the link and the instruction's id, which the drone's answer names.
+        """
         link, place = link.with_next()
         await store.save_link(tx, link)
-        instruction = self._instruction(place, draft, expires_at)
+        instruction = self._instruction(place, draft, expires_at or self.expiry())
         await add_instruction(tx, place.drone_id, instruction)
         with in_trace_of(self.trace_of(place.drone_id)):
             _hand_over(tx, place, instruction)
@@ -106,7 +102,8 @@ class Courier:
             return link
         link = replace(link, report_asked_wall_ms=now_wall_ms)
         draft = partial(ReportInstruction, events_after_seq=link.last_event_seq)
-        return await self.send(tx, link, draft, expires_at=self.expiry())
+        link, _ = await self.post(tx, link, draft)
+        return link
 
     async def withdraw_open(self, tx: Tx, link: DroneLink) -> list[SentInstruction]:
         """Stop sending the instructions that the drone has not answered; return them in order."""

@@ -1,4 +1,4 @@
 """What the gateway reads for its live picture: missions, pads, closures and alarms.
 
-`routes` answers, `live_store` reads the database, `present` shapes the answers.
+`routes` shapes and gives the answers, `live_store` reads the database.
 """

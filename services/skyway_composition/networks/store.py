@@ -85,14 +85,14 @@ async def lock_version(tx: Tx, network_id: NetworkId) -> VersionRow | None:
     return None if row is None else _version_row(row)
 
 
-async def share_current(tx: Tx, network_id: NetworkId) -> tuple[int, int] | None:
-    """The current version and conditions number, under a lock that readers share.
+async def share_current(tx: Tx, network_id: NetworkId) -> Present | None:
+    """The network as it is now, under a lock that readers share.
 
     Until this transaction ends, no other can publish, close or reopen in this network.
     """
     found = await tx.execute(_SHARE, {"of_network": network_id})
     row = found.one_or_none()
-    return None if row is None else (row.version, row.conditions)
+    return None if row is None else Present(network_id, row.version, row.conditions)
 
 
 async def all_current(connection: AsyncConnection) -> list[VersionRow]:

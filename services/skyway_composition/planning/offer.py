@@ -127,12 +127,7 @@ def terms_of(offer: Offer, *, best: BestValues, weights: Weights, world: World) 
         waiting_s=sum(plan.waiting_s or 0.0 for plan in plans),
         trips=len(offer.parts),
         ways=tuple(_way(plan) for plan in plans),
-        margins=margins_of(
-            world.for_drone(first.candidate.learned),
-            first.candidate.model,
-            first.trip.plan,
-            start_ms=first.trip.start_ms,
-        ),
+        margins=margins_of(world, first.candidate, first.trip),
         weather=world.weather_note(offer.begins_ms),
         score=best.score(values, weights),
         no_shows=values.no_shows,

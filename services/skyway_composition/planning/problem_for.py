@@ -12,15 +12,16 @@ from typing import Final, Literal
 
 import numpy as np
 
+from skyway.contracts.candidate import Candidate
 from skyway.contracts.margins import Margins, RiskMargin
-from skyway.delivery.plan import Fly, Plan
+from skyway.delivery.plan import Fly
 from skyway.delivery.request import DeliveryRequest, Package
 from skyway.drone.cargo import CargoNeeds
 from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
 from skyway.planner.energy_risk import LEAST_MARGIN, MODEL_DEVIATION, MOST_MARGIN, EnergyRisk
 from skyway.planner.problem import DroneAtStart, PackageToDeliver, PadReservation, Problem
-from skyway.scheduling.trip import BookedPad
+from skyway.scheduling.trip import BookedPad, Trip
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.planning.world import World
 
@@ -235,15 +236,16 @@ def _seconds(moment: datetime | None, start_ms: int) -> float | None:
 
 
 def margins_of(
-    world: World, model: DroneModel, plan: Plan, *, start_ms: int, energy_margin: float = 0.0
+    world: World, candidate: Candidate, trip: Trip, *, energy_margin: float = 0.0
 ) -> Margins:
-    """The margins of a plan that begins at a moment, and what they are made of.
+    """The margins of a drone's trip, and what they are made of.
 
-    `world` is the world for the plan's drone. Its own `energy_margin` counts if that is larger.
+    The drone's own `energy_margin` counts if that is larger than its network's.
     """
+    world, model, start_ms = world.for_drone(candidate.learned), candidate.model, trip.start_ms
     margins, risk = world.skyway.settings.margins, world.risk
     found: dict[str, object] = {"energy_margin": max(world.energy_margin(model), energy_margin)}
-    flights = [step for step in plan.steps if isinstance(step, Fly)]
+    flights = [step for step in trip.plan.steps if isinstance(step, Fly)]
     if (known := world.conditions.weather) is not None:
         found["late_share"] = known.late_share(model, flights, start_ms=start_ms)
     if risk is not None:

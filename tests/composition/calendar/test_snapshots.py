@@ -14,6 +14,7 @@ from skyway_composition.calendar.commit import Snapshot, WorldChanged, lock_as_s
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.booking import engage
 from skyway_composition.missions.booking.turns import Turns
+from skyway_composition.missions.interventions.cancel import cancel_packages
 from skyway_composition.missions.mission import store, unit_of_work
 from skyway_composition.missions.mission.record import Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
@@ -126,9 +127,8 @@ async def another_booking_of_drone_3(world: BusyWorld) -> None:
 
 
 async def a_cancellation_on_drone_1(world: BusyWorld) -> None:
-    await world.cancellations.cancel(
-        DeliveryId("dlv4"), CancelMissions(cancellation_id="can_1", reason="not needed")
-    )
+    requested = CancelMissions(cancellation_id="can_1", reason="not needed")
+    await cancel_packages(world.context, DeliveryId("dlv4"), requested)
 
 
 async def a_closed_zone(world: BusyWorld) -> None:

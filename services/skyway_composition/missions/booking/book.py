@@ -7,7 +7,6 @@ so a repeated request returns what was booked before.
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from functools import partial
 from time import perf_counter
@@ -16,22 +15,23 @@ from typing import Protocol
 from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery, Mission
 from skyway.contracts.quote import HoldLoss
 from skyway.ids import DeliveryId, HoldId
-from skyway.runtime.errors import RowRefused
 from skyway.runtime.metrics import count, observe
 from skyway.runtime.sql.database import Tx
-from skyway_composition.calendar.commit import WorldChanged
+from skyway_composition.calendar.attempts import Change, carry_out, commit
 from skyway_composition.context import Context
-from skyway_composition.missions.booking.clear_way import Pause
+from skyway_composition.missions.booking.clear_way import Pause, WaySearch
 from skyway_composition.missions.booking.engage import claim, claim_delivery, engage
 from skyway_composition.missions.booking.hold_store import (
     HeldOffer,
-    find_hold,
-    held_offer,
-    hold_loss,
     lock_hold,
+    usable_offer,
 )
-from skyway_composition.missions.booking.outcome import pickup_unknown, with_hold_loss
-from skyway_composition.missions.booking.rounds import FoundOffer, Rounds
+from skyway_composition.missions.booking.rounds import (
+    FoundOffer,
+    OfferRounds,
+    pickup_unknown,
+    with_hold_loss,
+)
 from skyway_composition.missions.booking.store import FirstLook, first_look
 from skyway_composition.missions.booking.turns import AskingOrder, Turns
 from skyway_composition.missions.mission import store
@@ -43,6 +43,10 @@ from skyway_composition.planning.world import World
 
 class SharedTrip(Protocol):
     """A trip that a request shares with the waiting mission of another delivery."""
+
+    @property
+    def first_start_ms(self) -> int:
+        """The start of the first mission that changes; then it is too late to join."""
 
     async def join(self, context: Context, tx: Tx) -> Mission:
         """Save it; returns the request's mission. `WorldChanged`: it must be planned again."""
@@ -69,11 +73,6 @@ class Bookings:
     pause: Pause = asyncio.sleep
     shared: SharedTrips | None = None
     under_way: dict[tuple[DeliveryId, int], asyncio.Task[Booking]] = field(default_factory=dict)
-
-    @property
-    def rounds(self) -> Rounds:
-        """The rounds of planning in which it books."""
-        return Rounds(self.context, self.pause)
 
     async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
         """The missions of this attempt: booked before, or booked now from the best offer.
@@ -142,8 +141,20 @@ class _Attempt:
                 own_hold=self.own_hold,
             )
 
-    async def commit(self, tx: Tx, found: FoundOffer) -> Booking:
-        """Reserve the drones and pads and send the missions, in one transaction."""
+    def change(self, found: FoundOffer) -> Change[Booking]:
+        """Reserve the drones and pads and send the missions."""
+        return Change(found.begins_ms, partial(self._write, found=found))
+
+    async def join(self, offers: Offers, best: FoundOffer) -> Change[Booking] | None:
+        """The change that joins a waiting mission; None if an offer is better."""
+        shared = self.bookings.shared
+        found = None if shared is None else await shared.find(self.delivery_id, self.asked, offers)
+        if found is None:
+            return None
+        exists = best.delivery_exists
+        return Change(found.first_start_ms, partial(self._write_shared, found=found, exists=exists))
+
+    async def _write(self, tx: Tx, *, found: FoundOffer) -> Booking:
         context = self.bookings.context
         earlier = await claim_delivery(
             tx, self.delivery_id, self.asked.attempt, exists=found.delivery_exists
@@ -175,14 +186,6 @@ class _Attempt:
         )
         return Booking(outcome="BOOKED", missions=missions)
 
-    async def join(
-        self, offers: Offers, best: FoundOffer
-    ) -> Callable[[], Awaitable[Booking | None]] | None:
-        """The function that joins a waiting mission; None if an offer is better."""
-        shared = self.bookings.shared
-        found = None if shared is None else await shared.find(self.delivery_id, self.asked, offers)
-        return None if found is None else partial(self._join, found, best)
-
     async def _booked(self) -> Booking:
         seen = await self.look()
         if seen.booked:
@@ -197,60 +200,36 @@ class _Attempt:
             loss = booked
         order = AskingOrder.of(self.delivery_id, self.asked, self.bookings.context.clock.now())
         with self.bookings.turns.line_up(seen.around.network_id, order) as turn:
-            booking = await self.bookings.rounds.run(self, seen, turn)
+            search = WaySearch(self.bookings.context, self.bookings.pause)
+            rounds = OfferRounds(self.bookings.context, self, seen, turn, search)
+            booking = await carry_out(self.bookings.context, rounds)
         return booking if loss is None else with_hold_loss(booking, loss)
 
     async def _book_held(
         self, own_hold: HoldId, seen: FirstLook, present: Present
     ) -> Booking | HoldLoss:
         """Book the offer as it is held; or why that cannot be done."""
-        bookings, offer = self.bookings, self.asked.offer
+        context, offer = self.bookings.context, self.asked.offer
         if offer is None or offer.hold is None:
             return "EXPIRED"
-        async with bookings.context.db.read() as connection:
-            hold = await find_hold(connection, own_hold)
-        held = held_offer(hold, offer.hold.number, now_ms=bookings.context.now_ms)
-        if held is None or not held.keeps(offer):
-            return "EXPIRED"
-        now = await bookings.rounds.calendars(held.drone_ids, own_hold=own_hold)
-        loss = hold_loss(
-            held,
-            request=self.asked.request,
-            present=present,
-            now=now,
-            now_ms=bookings.context.now_ms,
-        )
-        if loss is not None:
-            return loss
-        world = await World.at(
-            present,
-            bookings.context.networks,
-            db=bookings.context.db,
-            after_ms=bookings.context.now_ms,
-        )
-        found = _as_found(held, world, delivery_exists=seen.delivery_exists)
-        try:
-            async with bookings.context.db.write() as tx:
-                return await self.commit(tx, found)
-        except (RowRefused, WorldChanged) as changed:
-            about = {"delivery_id": self.delivery_id, "reason": repr(changed)}
-            log.info("held offer could not be booked", extra=about)
-            return "CALENDAR_CHANGED"
+        request, now_ms = self.asked.request, context.now_ms
+        async with context.db.read() as connection:
+            held = await usable_offer(
+                connection, offer.hold, offer, request=request, present=present, now_ms=now_ms
+            )
+        if not isinstance(held, HeldOffer):
+            return held
+        world = await World.at(present, context.networks, db=context.db, after_ms=context.now_ms)
+        found = FoundOffer(held.offer, world, held.calendars, held.starts_ms, seen.delivery_exists)
+        done = await commit(context, self.change(found))
+        if isinstance(done, Booking):
+            return done
+        about = {"delivery_id": self.delivery_id, "reason": repr(done)}
+        log.info("held offer could not be booked", extra=about)
+        return "CALENDAR_CHANGED"
 
-    async def _join(self, found: SharedTrip, best: FoundOffer) -> Booking | None:
-        """Join a waiting mission; None if anything has changed since it was planned."""
-        try:
-            async with self.bookings.context.db.write() as tx:
-                return await self._book_shared(tx, found, best)
-        except (RowRefused, WorldChanged) as changed:
-            about = {"delivery_id": self.delivery_id, "reason": repr(changed)}
-            log.info("shared trip could not be booked", extra=about)
-            return None
-
-    async def _book_shared(self, tx: Tx, found: SharedTrip, best: FoundOffer) -> Booking:
-        earlier = await claim_delivery(
-            tx, self.delivery_id, self.asked.attempt, exists=best.delivery_exists
-        )
+    async def _write_shared(self, tx: Tx, *, found: SharedTrip, exists: bool) -> Booking:
+        earlier = await claim_delivery(tx, self.delivery_id, self.asked.attempt, exists=exists)
         if earlier is not None:
             return earlier
         mission = await found.join(self.bookings.context, tx)
@@ -261,13 +240,3 @@ class _Attempt:
 
 def _count_shared() -> None:
     count("skyway_shared_trips", "deliveries that joined the mission of another one")
-
-
-def _as_found(held: HeldOffer, world: World, *, delivery_exists: bool) -> FoundOffer:
-    return FoundOffer(
-        offer=held.offer,
-        world=world,
-        calendars=held.calendars,
-        begins_ms=held.starts_ms,
-        delivery_exists=delivery_exists,
-    )

@@ -22,7 +22,7 @@ from skyway_composition.context import Context
 from skyway_composition.margins import GIVES_WAY_LONGER, REACHES
 from skyway_composition.missions.booking.standby_store import unanswered, yielding_standbys
 from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
+from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.standby import (
     restore_pads,
     standby_steps,
@@ -257,8 +257,7 @@ class WaySearch:
     async def _moved(self, standby: YieldingStandby, world: World) -> MovedStandby | None:
         async with self.context.db.read() as connection:
             record = await store.get(connection, standby.mission_id, provider_id=None)
-        planned_in = PlannedIn(world.skyway.version, world.conditions_version)
-        if record is None or record.planned_in != planned_in or not record.stays:
+        if record is None or record.planned_in != world.present or not record.stays:
             return None
         trip = await trip_with_other_standby(self.context.solver, world, record)
         return MovedStandby(standby, record, trip) if isinstance(trip, Trip) else None

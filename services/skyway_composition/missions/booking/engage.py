@@ -6,9 +6,8 @@ from skyway.contracts.mission import Booking, Mission
 from skyway.ids import DeliveryId, DroneId, HoldId, MissionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Tx
-from skyway.runtime.tracing import current_traceparent
 from skyway.scheduling.trip import BookedPad, without
-from skyway.units import moment_to_ms, ms_to_moment
+from skyway.units import moment_to_ms
 from skyway_composition.calendar.commit import Snapshot, WorldChanged, lock_as_seen
 from skyway_composition.calendar.store import raise_versions
 from skyway_composition.context import Context
@@ -30,14 +29,12 @@ from skyway_composition.missions.mission.custody_store import (
 )
 from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps, new_mission
 from skyway_composition.missions.mission.instruct import mission_draft
-from skyway_composition.missions.mission.record import PlannedIn
 from skyway_composition.missions.mission.standby import end_standby_before, restore_pads
 from skyway_composition.missions.mission.step_store import add_steps
 from skyway_composition.missions.mission.unit_of_work import free_from, report_in
 from skyway_composition.pads.store import give_way, lock_stations, pads_of_queued, reserve
 from skyway_composition.planning.availability import send_ahead_ms
 from skyway_composition.planning.offer import Offer, Part
-from skyway_composition.planning.problem_for import margins_of
 from skyway_composition.planning.world import World
 
 
@@ -57,81 +54,36 @@ async def engage(
     are added when the transaction ends. It then fails with `RowRefused` if another mission has one
     of the drones or pads.
     """
-    skyway, clock, mint = world.skyway, context.clock, context.mint
-    courier = Courier(clock, mint)
+    skyway, courier, missions = world.skyway, Courier(context.clock, context.mint), []
     expires_at = courier.expiry()
-    records = [
-        new_mission(
-            part.candidate,
-            part.trip,
+    held = await held_packages(tx.connection, delivery_id) if attempt > 1 else {}
+    for number, part in enumerate(offer.parts, 1):
+        place = places.get(part.candidate.drone_id)
+        record = new_mission(
+            part,
+            world,
             delivery_id=delivery_id,
             attempt=attempt,
             trip_number=number,
-            mission_id=MissionId(mint("msn")),
-            request=part.request,
-            price=part.price,
-            network_id=skyway.network_id,
-            margins=margins_of(
-                world.for_drone(part.candidate.learned),
-                part.candidate.model,
-                part.trip.plan,
-                start_ms=part.trip.start_ms,
-            ),
+            mission_id=MissionId(context.mint("msn")),
             expires_at=expires_at,
-            weather=world.weather_note(part.trip.start_ms),
-            planned_in=(
-                None
-                if part.candidate.drone_id in places
-                else PlannedIn(skyway.version, world.conditions_version)
-            ),
-            traceparent=current_traceparent(),
+            planned_in=world.present if place is None else None,
         )
-        for number, part in enumerate(offer.parts, 1)
-    ]
-    records = [
-        record
-        if record.drone_id in places
-        else report_in(
-            tx,
-            mint,
-            record,
-            "QUEUED",
-            at=clock.now(),
-            free_from=free_from(record),
-        )
-        for record in records
-    ]
-    steps = [
-        flight_steps(
-            skyway.network,
-            list(part.trip.steps()),
-            terms=StepTerms.of(record, skyway.settings),
-            first_step=1,
-        )
-        for record, part in zip(records, offer.parts, strict=True)
-    ]
-    for record, own in zip(records, steps, strict=True):
-        store.add(tx, record, next_end_ms=moment_to_ms(own[0].planned_end_at))
-    by_mission = {
-        record.mission_id: await _needed_pads(tx, part)
-        for record, part in zip(records, offer.parts, strict=True)
-    }
-    reserve(tx, by_mission)
-    held = await held_packages(tx.connection, delivery_id) if attempt > 1 else {}
-    for record in records:
-        ids = [each.package_id for each in record.request.packages]
-        begin_at_pickup(tx, record, [each for each in ids if each not in held])
-    for record, own in zip(records, steps, strict=True):
-        add_steps(tx, record.mission_id, own)
-        if record.drone_id not in places:
-            continue
-        courier.post_last(
-            tx,
-            places[record.drone_id],
-            mission_draft(record.mission, own),
-            expires_at=ms_to_moment(record.expires_ms),
-        )
-    return tuple(record.mission for record in records)
+        if place is None:
+            now, free = context.clock.now(), free_from(record)
+            record = report_in(tx, context.mint, record, "QUEUED", at=now, free_from=free)
+        terms = StepTerms.of(record, skyway.settings)
+        steps = flight_steps(skyway.network, [*part.trip.steps()], terms=terms, first_step=1)
+        store.add(tx, record, next_end_ms=moment_to_ms(steps[0].planned_end_at))
+        reserve(tx, {record.mission_id: await _needed_pads(tx, part)})
+        package_ids = (each.package_id for each in record.request.packages)
+        begin_at_pickup(tx, record, [each for each in package_ids if each not in held])
+        add_steps(tx, record.mission_id, steps)
+        if place is not None:
+            draft = mission_draft(record.mission, steps)
+            courier.post_last(tx, place, draft, expires_at=expires_at)
+        missions.append(record.mission)
+    return tuple(missions)
 
 
 async def _needed_pads(tx: Tx, part: Part) -> Sequence[BookedPad]:

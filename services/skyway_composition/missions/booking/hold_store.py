@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 from sqlalchemy import BigInteger, Text, bindparam, delete, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.mission import OfferLimits
+from skyway.contracts.mission import OfferHold, OfferLimits
 from skyway.contracts.quote import HoldLoss
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId, HoldId, NetworkId, PackageId, SubjectId
@@ -20,7 +20,7 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.scheduling.trip import BookedPad, merged
 from skyway_composition.calendar.commit import Snapshot
-from skyway_composition.missions.booking.store import SeenCalendars
+from skyway_composition.missions.booking.store import SeenCalendars, seen_calendars
 from skyway_composition.networks.store import Present
 from skyway_composition.planning.offer import Offer
 from skyway_composition.tables import drone_links, missions, offer_holds, pad_reservations
@@ -165,7 +165,7 @@ def held_offer(hold: Hold | None, number: int, *, now_ms: int) -> HeldOffer | No
 
 
 def hold_loss(
-    held: HeldOffer | None,
+    held: HeldOffer,
     *,
     request: DeliveryRequest,
     present: Present,
@@ -176,7 +176,7 @@ def hold_loss(
 
     `now` are the present calendars of its drones, `now_ms` is fleet time.
     """
-    if held is None or held.starts_ms < now_ms:
+    if held.starts_ms < now_ms:
         return "EXPIRED"
     if held.seen.present != present:
         return "NETWORK_CHANGED"
@@ -186,6 +186,24 @@ def hold_loss(
         return None
     is_occupied = any(each.mission_id is None for each in now.missions)
     return "DRONE_NOT_FREE" if is_occupied else "CALENDAR_CHANGED"
+
+
+async def usable_offer(
+    connection: AsyncConnection,
+    hold: OfferHold,
+    promised: OfferLimits,
+    *,
+    request: DeliveryRequest,
+    present: Present,
+    now_ms: int,
+) -> HeldOffer | HoldLoss:
+    """The promised offer if it can be booked as it is held, or why it cannot; see `hold_loss`."""
+    found = await find_hold(connection, hold.hold_id)
+    held = held_offer(found, hold.number, now_ms=now_ms)
+    if held is None or not held.keeps(promised):
+        return "EXPIRED"
+    now = await seen_calendars(connection, held.drone_ids, now_ms=now_ms, own_hold=hold.hold_id)
+    return hold_loss(held, request=request, present=present, now=now, now_ms=now_ms) or held
 
 
 async def find_hold(connection: AsyncConnection, hold_id: HoldId) -> Hold | None:

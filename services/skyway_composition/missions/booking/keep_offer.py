@@ -12,6 +12,7 @@ itself.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
+from functools import partial
 from typing import Final
 
 from skyway.contracts.mission import Booking, OfferHold
@@ -27,12 +28,14 @@ from skyway.contracts.quote import (
 from skyway.delivery.offer import BestValues
 from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.ids import DeliveryId, DroneId, HoldId
-from skyway.runtime.errors import Conflict, RowRefused
+from skyway.runtime.errors import Conflict
 from skyway.runtime.sql.database import Tx
 from skyway.scheduling.trip import BookedPad, without
-from skyway_composition.calendar.commit import Snapshot, WorldChanged, lock_as_seen
+from skyway_composition.calendar.attempts import Change, Lost, Settled, carry_out
+from skyway_composition.calendar.commit import Snapshot, lock_as_seen
 from skyway_composition.context import Context
 from skyway_composition.margins import ACCEPTED_IS_BOOKED, Margin
+from skyway_composition.missions.booking.clear_way import WaySearch
 from skyway_composition.missions.booking.hold_store import (
     HeldOffer,
     Hold,
@@ -40,19 +43,21 @@ from skyway_composition.missions.booking.hold_store import (
     delete_expired,
     drones_of_hold,
     extend_hold,
-    find_hold,
     free_drones,
     free_pads,
-    held_offer,
-    hold_loss,
     lock_hold,
     pads_of_drones,
     pads_of_offers,
     slots_of,
+    usable_offer,
 )
-from skyway_composition.missions.booking.outcome import with_hold_loss
-from skyway_composition.missions.booking.rounds import FoundOffer, Rounds
-from skyway_composition.missions.booking.store import FirstLook, first_look, seen_calendars
+from skyway_composition.missions.booking.rounds import (
+    FoundOffer,
+    OfferRounds,
+    calendars_of,
+    with_hold_loss,
+)
+from skyway_composition.missions.booking.store import FirstLook, first_look
 from skyway_composition.missions.booking.turns import AskingOrder, Turns
 from skyway_composition.networks.store import Present
 from skyway_composition.pads.store import lock_stations
@@ -109,88 +114,108 @@ class Quotes:
             TOO_MANY_HOLDS: the customer holds as many quotes as it may.
         """
         if query.hold is not None:
-            for _ in range(_MOST_ROUNDS):
-                answer = await self._hold_in_round(query, query.hold)
-                if answer is not None:
-                    return answer
-        planned = await self._plan(query, life_s=0.0)
-        return planned.answer(query) if isinstance(planned, _Planned) else planned
+            return await carry_out(self.context, _QuoteHold(self.context, query, query.hold))
+        return await _answer_without_hold(self.context, query)
 
-    async def _plan(self, query: QuoteQuery, *, life_s: float) -> _Planned | QuoteAnswer:
-        """The best offer of each provider that begins after `life_s` seconds of wall time.
 
-        When no network has the pickup station, it is the answer that says so.
-        """
-        context, request, shortlist = self.context, query.request, query.shortlist
-        pickup = request.pickup.station_id
-        world = await World.around(pickup, context.networks, db=context.db, after_ms=context.now_ms)
-        if world is None:
-            detail = await context.networks.why_missing(pickup)
-            reasons = refused_for_all(shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail)
-            return QuoteAnswer(offers=(), infeasible=tuple(reasons))
-        begins_ms = max(
-            start_ms(context.clock, earliest_at=request.begins_after),
-            start_ms(context.clock, earliest_at=None) + self._fleet_ms(life_s),
-        )
-        async with context.db.read() as connection:
-            now_ms = context.now_ms
-            calendars = await seen_calendars(connection, shortlist.drone_ids, now_ms=now_ms)
-        limits, booked = Limits.of_whole(request.qos), calendars.missions
-        offers = await best_of_each(
-            TripFinder(context.solver, world, begins_ms, limits.latest_ms),
-            request,
-            shortlist=shortlist,
-            available=Availability.of(booked, begins_ms=begins_ms, clock=context.clock),
-            gaps=[*Availability.in_gaps(booked, begins_ms=begins_ms, clock=context.clock)],
-            limits=limits,
-        )
-        return _Planned(world, calendars.versions, offers)
+async def _answer_without_hold(context: Context, query: QuoteQuery) -> QuoteAnswer:
+    planned = await _plan(context, query, life_s=0.0)
+    return planned.answer(query) if isinstance(planned, _Planned) else planned
 
-    async def _hold_in_round(self, query: QuoteQuery, terms: HoldTerms) -> QuoteAnswer | None:
-        """The answer with held offers; None when another booking was faster."""
+
+async def _plan(context: Context, query: QuoteQuery, *, life_s: float) -> _Planned | QuoteAnswer:
+    """The best offer of each provider that begins after `life_s` seconds of wall time.
+
+    When no network has the pickup station, it is the answer that says so.
+    """
+    request, shortlist = query.request, query.shortlist
+    pickup = request.pickup.station_id
+    world = await World.around(pickup, context.networks, db=context.db, after_ms=context.now_ms)
+    if world is None:
+        detail = await context.networks.why_missing(pickup)
+        reasons = refused_for_all(shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail)
+        return QuoteAnswer(offers=(), infeasible=tuple(reasons))
+    begins_ms = max(
+        start_ms(context.clock, earliest_at=request.begins_after),
+        start_ms(context.clock, earliest_at=None) + _fleet_ms(context, life_s),
+    )
+    calendars = await calendars_of(context, shortlist.drone_ids)
+    limits, booked = Limits.of_whole(request.qos), calendars.missions
+    offers = await best_of_each(
+        TripFinder(context.solver, world, begins_ms, limits.latest_ms),
+        request,
+        shortlist=shortlist,
+        available=Availability.of(booked, begins_ms=begins_ms, clock=context.clock),
+        gaps=[*Availability.in_gaps(booked, begins_ms=begins_ms, clock=context.clock)],
+        limits=limits,
+    )
+    return _Planned(world, calendars.versions, offers)
+
+
+@dataclass(slots=True)
+class _QuoteHold:
+    """The cause that holds the best offers of a quote, or answers without a hold."""
+
+    context: Context
+    query: QuoteQuery
+    terms: HoldTerms
+    _rounds: int = 0
+
+    async def propose(self, lost: Lost | None) -> Change[QuoteAnswer] | Settled[QuoteAnswer]:
+        """The answer with held offers."""
+        if self._rounds == _MOST_ROUNDS:
+            return Settled(await _answer_without_hold(self.context, self.query))
+        self._rounds += 1
         await delete_expired(self.context.db, now_ms=self.context.now_ms)
         async with self.context.db.read() as connection:
-            self._free_slot(await slots_of(connection, terms.customer_id), terms)
-        held_until_at = self.context.clock.wall_now() + timedelta(seconds=terms.life_s)
-        planned = await self._plan(query, life_s=terms.life_s)
+            self._free_slot(await slots_of(connection, self.terms.customer_id))
+        held_until_at = self.context.clock.wall_now() + timedelta(seconds=self.terms.life_s)
+        planned = await _plan(self.context, self.query, life_s=self.terms.life_s)
         if not isinstance(planned, _Planned):
-            return planned
-        first, present = planned.offers.ranked[:MOST_HELD_OFFERS], planned.world.present
-        if not first:
-            return planned.answer(query)
-        until_ms = self.context.now_ms + self._fleet_ms(terms.life_s + HOLD_GRACE_S)
-        held = tuple(HeldOffer.of(each, present) for each in first)
-        try:
-            async with self.context.db.write() as tx:
-                pads = await claim_for_hold(tx, held, present, planned.calendars)
-                slots = await slots_of(tx.connection, terms.customer_id)
-                slot = self._free_slot(slots, terms)
-                hold = Hold(terms.hold_id, until_ms, held)
-                await add_hold(tx, hold, customer_id=terms.customer_id, slot=slot, pads=pads)
-        except (RowRefused, WorldChanged):
-            return None
-        answer = planned.answer(query, held=len(held))
-        return answer.model_copy(update={"held_until_at": held_until_at})
+            return Settled(planned)
+        present = planned.world.present
+        held = tuple(
+            HeldOffer.of(each, present) for each in planned.offers.ranked[:MOST_HELD_OFFERS]
+        )
+        if not held:
+            return Settled(planned.answer(self.query))
+        answer = planned.answer(self.query, held=len(held))
+        answer = answer.model_copy(update={"held_until_at": held_until_at})
+        until_ms = self.context.now_ms + _fleet_ms(self.context, self.terms.life_s + HOLD_GRACE_S)
+        hold = Hold(self.terms.hold_id, until_ms, held)
+        write = partial(self._write, hold=hold, planned=planned, answer=answer)
+        return Change(min(each.starts_ms for each in held), write)
 
-    def _free_slot(self, slots: Mapping[int, int], terms: HoldTerms) -> int:
+    async def _write(
+        self, tx: Tx, *, hold: Hold, planned: _Planned, answer: QuoteAnswer
+    ) -> QuoteAnswer:
+        pads = await claim_for_hold(tx, hold.offers, planned.world.present, planned.calendars)
+        customer_id = self.terms.customer_id
+        slot = self._free_slot(await slots_of(tx.connection, customer_id))
+        await add_hold(tx, hold, customer_id=customer_id, slot=slot, pads=pads)
+        return answer
+
+    def _free_slot(self, slots: Mapping[int, int]) -> int:
         """A free slot number for the customer's next hold; unique in the database."""
-        for slot in range(1, terms.most + 1):
+        most, clock = self.terms.most, self.context.clock
+        for slot in range(1, most + 1):
             if slot not in slots:
                 return slot
         if not slots:
-            raise Conflict("TOO_MANY_HOLDS", f"the limit is {terms.most} quotes")
-        first_ms = min(slots.values()) - self._fleet_ms(HOLD_GRACE_S)
-        wait_s = (first_ms - self.context.now_ms) / 1000 / self.context.clock.rate
-        expires_at = self.context.clock.wall_now() + timedelta(seconds=max(0.0, wait_s))
+            raise Conflict("TOO_MANY_HOLDS", f"the limit is {most} quotes")
+        first_ms = min(slots.values()) - _fleet_ms(self.context, HOLD_GRACE_S)
+        wait_s = (first_ms - self.context.now_ms) / 1000 / clock.rate
+        expires_at = clock.wall_now() + timedelta(seconds=max(0.0, wait_s))
         raise Conflict(
             "TOO_MANY_HOLDS",
-            f"{len(slots)} quotes are held and the limit is {terms.most}; the next hold expires at "
+            f"{len(slots)} quotes are held and the limit is {most}; the next hold expires at "
             f"{expires_at:%Y-%m-%dT%H:%M:%SZ}",
         )
 
-    def _fleet_ms(self, wall_s: float) -> int:
-        """A span of wall time, in milliseconds of fleet time."""
-        return Margin(0.0, wall_s).ms(self.context.clock)
+
+def _fleet_ms(context: Context, wall_s: float) -> int:
+    """A span of wall time, in milliseconds of fleet time."""
+    return Margin(0.0, wall_s).ms(context.clock)
 
 
 async def claim_for_hold(
@@ -233,7 +258,6 @@ class OfferKeeper:
     """Keeps offers while they are accepted, and gives up holds that are not needed."""
 
     context: Context
-    rounds: Rounds
     turns: Turns
 
     async def keep(self, asked: KeepOffer) -> KeptOffer:
@@ -251,7 +275,9 @@ class OfferKeeper:
         rank = PRIORITY_RANKS[asked.request.qos.priority]
         order = AskingOrder(rank, self.context.clock.now(), DeliveryId(asked.hold_id))
         with self.turns.line_up(seen.around.network_id, order) as turn:
-            done = await self.rounds.run(acceptance, seen, turn)
+            search = WaySearch(self.context)
+            rounds = OfferRounds(self.context, acceptance, seen, turn, search)
+            done = await carry_out(self.context, rounds)
         if not isinstance(done, Booking):
             return KeptOffer(hold=done)
         lost = done if asked.offer.hold is None else with_hold_loss(done, loss)
@@ -306,19 +332,23 @@ class _Acceptance:
     async def extend(self, seen: FirstLook) -> HoldLoss | None:
         """Hold the offer until it is booked; or why it cannot be booked as it is held."""
         keeper, asked = self.keeper, self.asked
-        async with keeper.context.db.read() as connection:
-            hold = await find_hold(connection, self.own_hold)
-        held = held_offer(hold, self.accepted.number, now_ms=keeper.context.now_ms)
-        if held is None or seen.around is None or not held.keeps(asked.offer):
+        if seen.around is None:
             return "EXPIRED"
-        if not _are_candidates(held, asked.shortlist.drone_ids):
+        request, now_ms = asked.request, keeper.context.now_ms
+        async with keeper.context.db.read() as connection:
+            held = await usable_offer(
+                connection,
+                self.accepted,
+                asked.offer,
+                request=request,
+                present=seen.around,
+                now_ms=now_ms,
+            )
+        if not isinstance(held, HeldOffer):
+            return held
+        # The registry must still name all held drones as able and allowed to fly.
+        if not set(held.drone_ids) <= set(asked.shortlist.drone_ids):
             return "DRONE_NOT_FREE"
-        now = await keeper.rounds.calendars(held.drone_ids, own_hold=self.own_hold)
-        loss = hold_loss(
-            held, request=asked.request, present=seen.around, now=now, now_ms=keeper.context.now_ms
-        )
-        if loss is not None:
-            return loss
         async with keeper.context.db.write() as tx:
             locked = await lock_hold(tx, self.own_hold)
             if locked is None or locked.until_ms <= keeper.context.now_ms:
@@ -327,8 +357,14 @@ class _Acceptance:
                 await extend_hold(tx, self.own_hold, until_ms=self._until_ms())
         return None
 
-    async def commit(self, tx: Tx, found: FoundOffer) -> OfferHold:
+    def change(self, found: FoundOffer) -> Change[OfferHold]:
         """Hold the best offer instead of what was held before."""
+        return Change(found.begins_ms, partial(self._write, found=found))
+
+    async def join(self, offers: Offers, best: FoundOffer) -> None:
+        """An offer that is accepted joins no other mission."""
+
+    async def _write(self, tx: Tx, *, found: FoundOffer) -> OfferHold:
         held = HeldOffer.of(found.offer, found.world.present)
         hold = Hold(self.own_hold, self._until_ms(), (held,))
         # The hold is locked first, in the same order as when a hold is deleted.
@@ -339,13 +375,5 @@ class _Acceptance:
         await add_hold(tx, hold, customer_id=self.asked.customer_id, slot=None, pads=pads)
         return OfferHold(hold_id=self.own_hold, number=0)
 
-    async def join(self, offers: Offers, best: FoundOffer) -> None:
-        """An offer that is accepted joins no other mission."""
-
     def _until_ms(self) -> int:
         return self.keeper.context.now_ms + ACCEPTED_IS_BOOKED.ms(self.keeper.context.clock)
-
-
-def _are_candidates(held: HeldOffer, drone_ids: tuple[DroneId, ...]) -> bool:
-    """Whether the registry still names all held drones as able and allowed to fly."""
-    return set(held.drone_ids) <= set(drone_ids)

@@ -219,7 +219,7 @@ def accept(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
     if record.mission.state != "BOOKED":
         return record
     record = moved(record, "ACCEPTED")
-    return report(work, record, "ACCEPTED", at=work.clock.now(), free_from=free_from(record))
+    return report(work, record, "ACCEPTED", free_from=free_from(record))
 
 
 def begin(work: MissionUnitOfWork, record: MissionRecord, *, at: datetime) -> MissionRecord:

@@ -20,7 +20,7 @@ from skyway_composition.missions.following.advance import accept
 from skyway_composition.missions.following.handle_failure import open_stream, wait_for_revision
 from skyway_composition.missions.mission.end import abort, cancel, refuse, without_doubt
 from skyway_composition.missions.mission.instruct import (
-    call_off,
+    call_off_revision,
     handle_refused_hold,
     is_being_called_off,
 )
@@ -162,12 +162,9 @@ async def _handle_acceptance(
         return
     # The mission was given up before this answer arrived: the drone must not fly it.
     log.warning("late acceptance", extra={"mission_id": sent.mission_id})
-    await call_off(
-        work,
-        link.drone_id,
-        mission_id=sent.mission_id,
-        revision=sent.mission_revision,
-        reason="the mission was given up before it was accepted",
+    reason = "the mission was given up before it was accepted"
+    await call_off_revision(
+        work, link.drone_id, sent.mission_id, sent.mission_revision, reason=reason
     )
 
 

@@ -189,7 +189,6 @@ async def _keep_stuck(work: MissionUnitOfWork, record: MissionRecord, stuck: Stu
             work,
             record,
             "REPLANNING",
-            at=work.clock.now(),
             code=stuck.code,
             detail=stuck.detail,
             station_id=stuck.station_id,

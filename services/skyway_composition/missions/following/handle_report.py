@@ -41,7 +41,7 @@ from skyway_composition.missions.mission.custody_store import (
     returned,
 )
 from skyway_composition.missions.mission.end import abort, complete, is_disbelieved, without_doubt
-from skyway_composition.missions.mission.instruct import call_off
+from skyway_composition.missions.mission.instruct import call_off_revision
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.standby import release_unneeded_pads
 from skyway_composition.missions.mission.step_store import keep_cut_step
@@ -243,13 +243,8 @@ async def _call_off_if_over(
         return
     if not is_answered:
         revision = state.mission_revision or ended.mission.revision
-        await call_off(
-            work,
-            drone_id,
-            mission_id=mission_id,
-            revision=revision,
-            reason="the mission was given up without the drone's knowledge",
-        )
+        reason = "the mission was given up without the drone's knowledge"
+        await call_off_revision(work, drone_id, mission_id, revision, reason=reason)
     if state.package_ids and state.activity != "DOWN":
         if sent is None:
             await raise_flies_on(work, ended, state)

@@ -189,6 +189,4 @@ async def _leave_all(
         steps=(step,),
     )
     with in_trace_of(ended.traceparent):
-        work.links[ended.drone_id] = await work.courier.send(
-            work.tx, work.links[ended.drone_id], draft, expires_at=work.courier.expiry()
-        )
+        await work.send(ended.drone_id, draft)

@@ -8,7 +8,11 @@ from functools import partial, reduce
 from skyway.contracts.mission import Cancellation, CancelMissions
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, PackageId
+from skyway.runtime.errors import RowRefused
 from skyway.runtime.sql.database import Tx
+from skyway.units import NEVER_MS
+from skyway_composition.calendar.attempts import Change, Lost, carry_out
+from skyway_composition.calendar.commit import WorldChanged
 from skyway_composition.context import Context
 from skyway_composition.missions.interventions.stop_packages import release_queued, stop_packages
 from skyway_composition.missions.mission import store
@@ -23,44 +27,49 @@ CANCELLED = "CANCELLED"
 log = logging.getLogger(__name__)
 
 
-class _Moved(Exception):
-    """The dispatcher has moved a waiting mission to a drone that is not locked."""
+async def cancel_packages(
+    context: Context, delivery_id: DeliveryId, requested: CancelMissions
+) -> Cancellation:
+    """Cancel what can be cancelled; returns what becomes of each package, and wakes `stuck`.
+
+    A repeated request gets the same answer. The order of locks is the usual one: the delivery (so
+    that nothing is booked for it meanwhile), the drones, their missions.
+    """
+    return await carry_out(context, _Stop(context, delivery_id, requested))
 
 
 @dataclass(frozen=True, slots=True)
-class Cancellations:
-    """Cancels what can be cancelled; wakes `stuck` afterwards."""
+class _Stop:
+    """The cause that stops packages of a delivery; it plans nothing."""
 
     context: Context
+    delivery_id: DeliveryId
+    requested: CancelMissions
 
-    async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
-        """Cancel packages; returns what becomes of each. A repeated request gets the same answer.
+    async def propose(self, lost: Lost | None) -> Change[Cancellation]:
+        """The cancellation, again if the dispatcher has moved a mission to another drone."""
+        if isinstance(lost, RowRefused):
+            raise lost
+        if lost is not None:
+            log.info("waiting mission moved", extra={"delivery_id": self.delivery_id})
+        return Change(NEVER_MS, self._write)
 
-        The order of locks is the usual one: the delivery (so that nothing is booked for it
-        meanwhile), the drones, their missions.
-        """
-        while True:
-            try:
-                return await self._cancel(delivery_id, requested)
-            except _Moved:
-                log.info("waiting mission moved", extra={"delivery_id": delivery_id})
-
-    async def _cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
-        async with self.context.db.write() as tx:
-            await lock_delivery(tx, delivery_id)
-            earlier = await store.cancellation(tx, delivery_id, requested.cancellation_id)
-            if earlier is not None:
-                return earlier
-            answer = await self._stop(tx, delivery_id, requested)
-            await store.add_cancellation(
-                tx,
-                delivery_id,
-                requested.cancellation_id,
-                answer=answer,
-                at_ms=self.context.now_ms,
-            )
-            tx.after_commit(self.context.stuck.set)
-            return answer
+    async def _write(self, tx: Tx) -> Cancellation:
+        delivery_id, requested = self.delivery_id, self.requested
+        await lock_delivery(tx, delivery_id)
+        earlier = await store.cancellation(tx, delivery_id, requested.cancellation_id)
+        if earlier is not None:
+            return earlier
+        answer = await self._stop(tx, delivery_id, requested)
+        await store.add_cancellation(
+            tx,
+            delivery_id,
+            requested.cancellation_id,
+            answer=answer,
+            at_ms=self.context.now_ms,
+        )
+        tx.after_commit(self.context.stuck.set)
+        return answer
 
     async def _stop(
         self, tx: Tx, delivery_id: DeliveryId, requested: CancelMissions
@@ -74,7 +83,7 @@ class Cancellations:
         queued = await queued_of_delivery(tx.connection, delivery_id)
         if not locked.issuperset([*drone_ids, *(each.drone_id for each in queued)]):
             # Locking the other drone now could meet a transaction that locks both in order.
-            raise _Moved
+            raise WorldChanged(locked)
         records = [
             work.missions[each]
             for each in drone_ids

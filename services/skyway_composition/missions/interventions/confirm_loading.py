@@ -15,8 +15,6 @@ from skyway.errors import InvalidInput
 from skyway.ids import MissionId, PackageId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import Conflict
-from skyway.units import moment_to_ms
-from skyway_composition import alarm_store
 from skyway_composition.context import Context
 from skyway_composition.missions.interventions.stop_packages import (
     PACKAGES_CANCELLED,
@@ -24,7 +22,11 @@ from skyway_composition.missions.interventions.stop_packages import (
 from skyway_composition.missions.mission import end as ending
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, lock_mission
+from skyway_composition.missions.mission.unit_of_work import (
+    MissionUnitOfWork,
+    lock_mission,
+    raise_alarm,
+)
 from skyway_composition.missions.replanning.check_plan import request_plan
 
 #: A measured mass may differ by the larger of these, kilograms and a share. Our own choices.
@@ -60,58 +62,47 @@ class LoadingFault:
     data: Mapping[str, Any] = field(default_factory=dict)  # names and masses
 
 
-@dataclass(frozen=True, slots=True)
-class Loadings:
-    """Handles loaders' confirmations; wakes `stuck` after each."""
+async def handle_confirmation(
+    context: Context,
+    mission_id: MissionId,
+    listed: Sequence[PackageOnBoard],
+    *,
+    provider_id: ProviderId | None,
+) -> LoadingAnswer:
+    """Check whether the drone may take off with these packages; wakes `stuck`.
 
-    context: Context
-
-    async def confirm(
-        self,
-        mission_id: MissionId,
-        listed: Sequence[PackageOnBoard],
-        *,
-        provider_id: ProviderId | None,
-    ) -> LoadingAnswer:
-        """Check whether the drone may take off with these packages.
-
-        Raises
-        ------
-        NotFound
-            There is no such mission of this provider (None: of any provider).
-        Conflict
-            NOT_LOADING: the drone does not wait at the pickup. ALREADY_CONFIRMED, HELD, REPLANNING.
-        InvalidInput
-            A package is not of this mission, or is listed twice.
-        """
-        async with self.context.db.write() as tx:
-            work, record = await lock_mission(self.context, tx, mission_id, provider_id=provider_id)
-            _refuse_unless_loading(work, record)
-            _refuse_unknown_packages(record, listed)
-            tx.after_commit(self.context.stuck.set)
-            fault = _loading_fault(record, listed)
-            if fault is not None:
-                await refuse_loading(work, record, fault)
-                return LoadingAnswer(outcome="REFUSED", code=fault.code, detail=fault.detail)
-            await _confirm(work, record, listed)
-            return LoadingAnswer(outcome="CONFIRMED")
+    Raises
+    ------
+    NotFound
+        There is no such mission of this provider (None: of any provider).
+    Conflict
+        NOT_LOADING: the drone does not wait at the pickup. ALREADY_CONFIRMED, HELD, REPLANNING.
+    InvalidInput
+        A package is not of this mission, or is listed twice.
+    """
+    async with context.db.write() as tx:
+        work, record = await lock_mission(context, tx, mission_id, provider_id=provider_id)
+        _refuse_unless_loading(work, record)
+        _refuse_unknown_packages(record, listed)
+        tx.after_commit(context.stuck.set)
+        fault = _loading_fault(record, listed)
+        if fault is not None:
+            await refuse_loading(work, record, fault)
+            return LoadingAnswer(outcome="REFUSED", code=fault.code, detail=fault.detail)
+        await _confirm(work, record, listed)
+        return LoadingAnswer(outcome="CONFIRMED")
 
 
 async def refuse_loading(
     work: MissionUnitOfWork, record: MissionRecord, fault: LoadingFault
 ) -> None:
     """End a mission that was not loaded as agreed, and raise an alarm."""
-    mission = record.mission
-    await alarm_store.add(
-        work.tx,
+    await raise_alarm(
+        work,
+        record,
         level="WARNING",
         code=fault.code,
         detail=fault.detail,
-        at_ms=moment_to_ms(work.clock.now()),
-        mint=work.mint,
-        provider_id=mission.provider_id,
-        drone_id=mission.drone_id,
-        mission_id=mission.mission_id,
         station_id=record.request.pickup.station_id,
         data=fault.data,
     )

@@ -1,6 +1,6 @@
 """Carries out what an operator orders the drone of a mission to do, or previews it by a dry run."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
@@ -97,35 +97,29 @@ class CommandAnswer(JsonModel):
     ] = None
 
 
-@dataclass(frozen=True, slots=True)
-class Commands:
-    """Carries out commands; wakes `stuck` after each."""
+async def give_command(context: Context, mission_id: MissionId, command: Command) -> CommandAnswer:
+    """Do immediately what can be done, and have the remainder planned; wakes `stuck`.
 
-    context: Context
-
-    async def give(self, mission_id: MissionId, command: Command) -> CommandAnswer:
-        """Do immediately what can be done, and have the remainder planned.
-
-        Raises
-        ------
-        NotFound
-            There is no such mission.
-        Conflict
-            MISSION_OVER, ALREADY_HELD, NOT_HELD, BEING_LOADED, NOTHING_ON_BOARD, TOO_LATE,
-            ALREADY_CALLED_HOME, NOT_IN_DOUBT.
-        InvalidInput
-            The station is not in the mission's network.
-        """
-        async with self.context.db.write() as tx:
-            work, record = await lock_mission(self.context, tx, mission_id, provider_id=None)
-            instruction_id = await carry_out(work, record, command)
-            tx.after_commit(self.context.stuck.set)
-        return CommandAnswer(
-            mission_id=mission_id,
-            command=command.command,
-            instruction_id=instruction_id,
-            waits_for=obstacle(command, record, work.links[record.drone_id]),
-        )
+    Raises
+    ------
+    NotFound
+        There is no such mission.
+    Conflict
+        MISSION_OVER, ALREADY_HELD, NOT_HELD, BEING_LOADED, NOTHING_ON_BOARD, TOO_LATE,
+        ALREADY_CALLED_HOME, NOT_IN_DOUBT.
+    InvalidInput
+        The station is not in the mission's network.
+    """
+    async with context.db.write() as tx:
+        work, record = await lock_mission(context, tx, mission_id, provider_id=None)
+        instruction_id = await carry_out(work, record, command)
+        tx.after_commit(context.stuck.set)
+    return CommandAnswer(
+        mission_id=mission_id,
+        command=command.command,
+        instruction_id=instruction_id,
+        waits_for=obstacle(command, record, work.links[record.drone_id]),
+    )
 
 
 def obstacle(command: Command, record: MissionRecord, link: DroneLink) -> ActiveFailsafe | None:
@@ -144,7 +138,7 @@ async def carry_out(
     Raises
     ------
     Conflict, InvalidInput
-        As `Commands.give`.
+        As `give_command`.
     """
     reason = command.reason
     match command.command:
@@ -278,29 +272,24 @@ class CommandPreview(JsonModel):
     ]
 
 
-@dataclass(frozen=True, slots=True)
-class CommandPreviews:
-    """Previews commands."""
+async def preview_command(
+    context: Context, foresight: Foresight, mission_id: MissionId, command: Command
+) -> CommandPreview:
+    """Carry the command out in a transaction that is rolled back, and plan what follows.
 
-    context: Context
-    foresight: Foresight
-
-    async def preview(self, mission_id: MissionId, command: Command) -> CommandPreview:
-        """Carry the command out in a transaction that is rolled back, and plan what follows.
-
-        Raises
-        ------
-        NotFound, Conflict, InvalidInput
-            The error with which the command would be refused.
-        """
-        async with self.context.db.rehearse() as tx:
-            work, record = await lock_mission(self.context, tx, mission_id, provider_id=None)
-            before = await Situation.of(work, record)
-            await carry_out(work, record, command)
-            seen = await rehearsed(work, before)
-        return CommandPreview(
-            mission_id=mission_id,
-            command=command.command,
-            waits_for=obstacle(command, record, before.link),
-            outlook=await self.foresight.outlook(seen),
-        )
+    Raises
+    ------
+    NotFound, Conflict, InvalidInput
+        The error with which the command would be refused.
+    """
+    async with context.db.rehearse() as tx:
+        work, record = await lock_mission(context, tx, mission_id, provider_id=None)
+        before = await Situation.of(work, record)
+        await carry_out(work, record, command)
+        seen = await rehearsed(work, before)
+    return CommandPreview(
+        mission_id=mission_id,
+        command=command.command,
+        waits_for=obstacle(command, record, before.link),
+        outlook=await foresight.outlook(seen),
+    )

@@ -15,15 +15,20 @@ from skyway.runtime.http.answers import conflicts
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway_composition.missions.interventions.cancel import Cancellations
-from skyway_composition.missions.interventions.confirm_loading import LoadingAnswer, Loadings
+from skyway_composition.context import Context
+from skyway_composition.missions.interventions.cancel import cancel_packages
+from skyway_composition.missions.interventions.confirm_loading import (
+    LoadingAnswer,
+    handle_confirmation,
+)
 from skyway_composition.missions.interventions.give_command import (
     Command,
     CommandAnswer,
     CommandPreview,
-    CommandPreviews,
-    Commands,
+    give_command,
+    preview_command,
 )
+from skyway_composition.missions.replanning.foresee import Foresight
 
 
 class LoadedPackage(JsonModel):
@@ -65,12 +70,7 @@ _PREVIEWED: Final[dict[int | str, dict[str, Any]]] = {200: {"model": CommandPrev
 
 
 def intervention_routes(
-    *,
-    gate: ServiceGate,
-    loadings: Loadings,
-    commands: Commands,
-    previews: CommandPreviews,
-    cancellations: Cancellations,
+    *, gate: ServiceGate, context: Context, foresight: Foresight
 ) -> ServiceRouter:
     """Loading and commands under /v1/missions, the gateway's cancellations under /internal."""
     router = ServiceRouter(tags=("missions",))
@@ -96,7 +96,7 @@ def intervention_routes(
             PackageOnBoard(package_id=each.package_id, mass_kg=each.mass_kg)
             for each in loaded.packages
         ]
-        return await loadings.confirm(mission_id, listed, provider_id=own)
+        return await handle_confirmation(context, mission_id, listed, provider_id=own)
 
     @router.post(
         "/v1/missions/{mission_id}/commands",
@@ -125,8 +125,8 @@ def intervention_routes(
         """Hold a mission's drone, resume it, divert it, call it home, or cancel the mission."""
         caller.must_be("operator")
         if not query.dry_run:
-            return await commands.give(mission_id, command)
-        preview = await previews.preview(mission_id, command)
+            return await give_command(context, mission_id, command)
+        preview = await preview_command(context, foresight, mission_id, command)
         return JSONResponse(preview.model_dump(mode="json"))
 
     @router.post("/internal/deliveries/{delivery_id}/cancellations")
@@ -137,6 +137,6 @@ def intervention_routes(
     ) -> Cancellation:
         """Cancel packages; loaded packages come back, and a repeated call gets the same answer."""
         caller.must_be_service("gateway")
-        return await cancellations.cancel(delivery_id, requested)
+        return await cancel_packages(context, delivery_id, requested)
 
     return router

@@ -42,7 +42,6 @@ async def refuse(
         work,
         record,
         "REFUSED",
-        at=work.clock.now(),
         code=code,
         detail=detail,
     )
@@ -64,13 +63,7 @@ async def cancel(work: MissionUnitOfWork, record: MissionRecord, *, code: str, d
     A drone that has started the mission refuses to cancel, flies it to its end, and stays busy
     until then. `request_call_off` waits for the drone's answer instead.
     """
-    await call_off(
-        work,
-        record.drone_id,
-        mission_id=record.mission_id,
-        revision=record.mission.revision,
-        reason=f"{code}: {detail}",
-    )
+    await call_off(work, record, reason=f"{code}: {detail}")
     await end_cancelled(work, record, code=code, detail=detail)
 
 
@@ -122,13 +115,7 @@ async def abort(
     if station_id is None and link is not None and link.state is not None:
         station_id = link.state.station_id
     if record.stuck is not None:
-        await call_off(
-            work,
-            record.drone_id,
-            mission_id=record.mission_id,
-            revision=record.mission.revision,
-            reason=f"given up: {code}",
-        )
+        await call_off(work, record, reason=f"given up: {code}")
     await note_absence(work.tx, record.mission, code=code, at_ms=moment_to_ms(work.clock.now()))
     await _end(work, record, "ABORTED", at=at, code=code, detail=detail, station_id=station_id)
 
@@ -293,6 +280,6 @@ def without_doubt(work: MissionUnitOfWork, record: MissionRecord) -> MissionReco
         mission=record.mission.model_copy(update={"doubt": None}),
         reported_activity=None,
     )
-    record = report(work, record, "ACTIVITY", at=work.clock.now())
+    record = report(work, record, "ACTIVITY")
     work.stage(record)
     return record

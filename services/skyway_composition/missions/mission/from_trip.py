@@ -17,19 +17,20 @@ from skyway.contracts.flight_step import (
     ReturnStep,
     WaitStep,
 )
-from skyway.contracts.margins import Margins
 from skyway.contracts.mission import Mission, PackageEta
-from skyway.contracts.weather import WeatherNote
-from skyway.delivery.offer import Price
 from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, Recharge, Wait
-from skyway.delivery.request import DeliveryRequest
-from skyway.ids import DeliveryId, MissionId, NetworkId, PackageId, StationId
+from skyway.ids import DeliveryId, MissionId, PackageId, StationId
 from skyway.network.network import Network, Segment
+from skyway.runtime.tracing import current_traceparent
 from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import PlacedStep, Trip
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
+from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.networks.settings import NetworkSettings
+from skyway_composition.networks.store import Present
+from skyway_composition.planning.offer import Part
+from skyway_composition.planning.problem_for import margins_of
+from skyway_composition.planning.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,26 +180,21 @@ def _segment(network: Network, from_id: StationId, to_id: StationId) -> Segment:
 
 
 def new_mission(
-    candidate: Candidate,
-    trip: Trip,
+    part: Part,
+    world: World,
     *,
     delivery_id: DeliveryId,
     attempt: int,
     trip_number: int,
     mission_id: MissionId,
-    request: DeliveryRequest,
-    price: Price,
-    network_id: NetworkId,
-    margins: Margins,
     expires_at: datetime,
-    weather: WeatherNote | None = None,
-    planned_in: PlannedIn | None = None,
-    traceparent: str | None = None,
+    planned_in: Present | None,
 ) -> MissionRecord:
-    """The record of a new mission that flies this trip; QUEUED if `planned_in` is given.
+    """The record of a new mission that flies a part of an offer; QUEUED if `planned_in` is given.
 
-    `request` has the packages of this trip only. The first instruction expires at `expires_at`.
+    The first instruction expires at `expires_at`.
     """
+    candidate, trip, request = part.candidate, part.trip, part.request
     start_at = ms_to_moment(trip.start_ms)
     mission = Mission(
         mission_id=mission_id,
@@ -212,25 +208,25 @@ def new_mission(
         revision=1,
         start_at=start_at,
         released_at=ms_to_moment(trip.released_ms),
-        price=price,
+        price=part.price,
         payment_terms=candidate.tariff.payment_terms,
         packages=_etas(trip.plan, start_at),
         plan=trip.plan,
         pickup_station_id=request.pickup.station_id,
         home_plan=trip.home_plan,
         home_recharge=trip.home_recharge,
-        margins=margins,
-        weather=weather,
+        margins=margins_of(world, candidate, trip),
+        weather=world.weather_note(trip.start_ms),
         loading="AWAITED" if candidate.loading == "CONFIRMED" else "AUTOMATIC",
     )
     return MissionRecord(
         mission=mission,
-        network_id=network_id,
+        network_id=world.skyway.network_id,
         request=request,
         candidate=candidate,
         expires_ms=moment_to_ms(expires_at),
         planned_in=planned_in,
-        traceparent=traceparent,
+        traceparent=current_traceparent(),
         promised=() if planned_in is None else mission.packages,
     )
 
@@ -248,28 +244,26 @@ def flown_by(record: MissionRecord, candidate: Candidate) -> MissionRecord:
 
 
 def replanned_in_queue(
-    record: MissionRecord,
-    trip: Trip,
-    slot: Slot,
-    *,
-    margins: Margins,
-    weather: WeatherNote | None,
-    planned_in: PlannedIn,
+    record: MissionRecord, trip: Trip, slot: Slot, *, world: World
 ) -> MissionRecord:
     """A QUEUED mission with another trip, which begins at this slot; the price stays."""
     place = {"station_id": slot.station_id, "soc": slot.soc}
     return replace(
         record,
-        mission=next_revision(record.mission, trip, revision=1, margins=margins, weather=weather),
+        mission=next_revision(record, trip, world, revision=1),
         candidate=record.candidate.model_copy(update=place),
-        planned_in=planned_in,
+        planned_in=world.present,
     )
 
 
 def next_revision(
-    mission: Mission, trip: Trip, *, revision: int, margins: Margins, weather: WeatherNote | None
+    record: MissionRecord, trip: Trip, world: World, *, revision: int, energy_margin: float = 0.0
 ) -> Mission:
-    """The mission with this trip instead of the remainder of its plan; the price stays."""
+    """The mission with this trip instead of the remainder of its plan; the price stays.
+
+    The drone's own `energy_margin` counts if that is larger than its network's.
+    """
+    mission = record.mission
     start_at = ms_to_moment(trip.start_ms)
     fresh = {eta.package_id: eta for eta in _etas(trip.plan, start_at)}
     return mission.model_copy(
@@ -281,8 +275,8 @@ def next_revision(
             "plan": trip.plan,
             "home_plan": trip.home_plan,
             "home_recharge": trip.home_recharge,
-            "margins": margins,
-            "weather": weather,
+            "margins": margins_of(world, record.candidate, trip, energy_margin=energy_margin),
+            "weather": world.weather_note(trip.start_ms),
             "given_up": None,
         }
     )

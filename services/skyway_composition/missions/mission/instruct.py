@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import datetime
 from functools import partial
 
 from skyway.contracts.flight_step import FlightStep
@@ -14,27 +13,12 @@ from skyway.contracts.instruction import (
 )
 from skyway.contracts.mission import Mission
 from skyway.ids import DroneId, InstructionId, MissionId
-from skyway.runtime.sql.database import Tx
 from skyway.runtime.tracing import in_trace_of
 from skyway.units import moment_to_ms
-from skyway_composition.links.courier import Courier, Draft
+from skyway_composition.links.courier import Draft
 from skyway_composition.links.instruction_store import SentInstruction, open_instructions
-from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm
-
-
-async def send_steps(
-    tx: Tx,
-    courier: Courier,
-    link: DroneLink,
-    *,
-    mission: Mission,
-    steps: Sequence[FlightStep],
-    expires_at: datetime,
-) -> DroneLink:
-    """Send these steps to the drone as the mission's present revision."""
-    return await courier.send(tx, link, mission_draft(mission, steps), expires_at=expires_at)
 
 
 def mission_draft(mission: Mission, steps: Sequence[FlightStep]) -> Draft:
@@ -49,18 +33,22 @@ def mission_draft(mission: Mission, steps: Sequence[FlightStep]) -> Draft:
     )
 
 
-async def call_off(
-    work: MissionUnitOfWork, drone_id: DroneId, *, mission_id: MissionId, revision: int, reason: str
+async def call_off(work: MissionUnitOfWork, record: MissionRecord, *, reason: str) -> None:
+    """Instruct the drone to cancel its mission, unless such an instruction is unanswered."""
+    revision = record.mission.revision
+    await call_off_revision(work, record.drone_id, record.mission_id, revision, reason=reason)
+
+
+async def call_off_revision(
+    work: MissionUnitOfWork, drone_id: DroneId, mission_id: MissionId, revision: int, *, reason: str
 ) -> None:
-    """Instruct the drone to cancel a mission, unless such an instruction is unanswered."""
+    """Call off a mission of which only the id and the revision are known."""
     if await is_being_called_off(work, drone_id, mission_id):
         return
     draft = partial(
         CancelInstruction, mission_id=mission_id, mission_revision=revision, reason=reason
     )
-    work.links[drone_id] = await work.courier.send(
-        work.tx, work.links[drone_id], draft, expires_at=work.courier.expiry()
-    )
+    await work.send(drone_id, draft)
 
 
 async def is_being_called_off(
@@ -78,14 +66,8 @@ async def send_mission(work: MissionUnitOfWork, record: MissionRecord) -> None:
     expires_at = work.courier.expiry()
     # A QUEUED mission is not in the unit of work yet.
     with in_trace_of(record.traceparent):
-        work.links[record.drone_id] = await send_steps(
-            work.tx,
-            work.courier,
-            work.links[record.drone_id],
-            mission=record.mission,
-            steps=steps,
-            expires_at=expires_at,
-        )
+        draft = mission_draft(record.mission, steps)
+        await work.send(record.drone_id, draft, expires_at=expires_at)
     await work.save(replace(record, expires_ms=moment_to_ms(expires_at)))
 
 
@@ -100,7 +82,7 @@ async def hold(work: MissionUnitOfWork, record: MissionRecord, *, reason: str) -
         mission_revision=_newest_revision(record),
         reason=reason,
     )
-    return await _send(work, record, draft)
+    return await work.send(record.drone_id, draft)
 
 
 async def resume(work: MissionUnitOfWork, record: MissionRecord) -> InstructionId:
@@ -110,7 +92,7 @@ async def resume(work: MissionUnitOfWork, record: MissionRecord) -> InstructionI
         mission_id=record.mission_id,
         mission_revision=_newest_revision(record),
     )
-    return await _send(work, record, draft)
+    return await work.send(record.drone_id, draft)
 
 
 async def handle_refused_hold(
@@ -142,12 +124,3 @@ def _newest_revision(record: MissionRecord) -> int:
     """The newest revision that was sent to the drone, answered or not."""
     mission = record.mission if record.proposal is None else record.proposal.mission
     return mission.revision
-
-
-async def _send(work: MissionUnitOfWork, record: MissionRecord, draft: Draft) -> InstructionId:
-    link = work.links[record.drone_id]
-    work.links[record.drone_id] = await work.courier.send(
-        work.tx, link, draft, expires_at=work.courier.expiry()
-    )
-    *_, newest = await open_instructions(work.tx, record.drone_id)
-    return newest.instruction_id

@@ -24,6 +24,7 @@ from skyway.json_model import JsonCache, JsonModel
 from skyway.scheduling.stays import Slot, Stay, stays_json, stays_of_standby
 from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.share import Share, read_shares, shares_json
+from skyway_composition.networks.store import Present
 
 _T = TypeVar("_T")
 
@@ -131,22 +132,14 @@ class Proposal(JsonModel):
 
 
 @dataclass(frozen=True, slots=True)
-class PlannedIn:
-    """The network's version, and the number of its conditions, with which a plan was made."""
-
-    version: int
-    conditions: int
-
-
-@dataclass(frozen=True, slots=True)
 class MissionRecord:
     """A mission with its request, the drone as it was booked, and its state of replanning.
 
     `reported_activity` is the drone's activity and station in the last report to the customer.
-    `planned_in` is given while the mission is QUEUED. `promised` are the arrival times with which a
-    QUEUED mission was booked. `traceparent` is that of the delivery's request. `shares` are the
-    deliveries that fly together, first that of the mission itself; empty while it flies for one
-    only.
+    `planned_in` is the network with which a QUEUED mission was planned. `promised` are the arrival
+    times with which it was booked. `traceparent` is that of the delivery's request. `shares` are
+    the deliveries that fly together, first that of the mission itself; empty while it flies for
+    one only.
     """
 
     mission: Mission
@@ -160,7 +153,7 @@ class MissionRecord:
     trouble: Trouble | None = None
     proposal: Proposal | None = None
     aims: tuple[Aim, ...] = ()
-    planned_in: PlannedIn | None = None
+    planned_in: Present | None = None
     traceparent: str | None = None
     promised: tuple[PackageEta, ...] = ()
     shares: tuple[Share, ...] = ()
@@ -389,7 +382,7 @@ def read_record(row: Any) -> MissionRecord:  # a row of missions, whose columns 
         planned_in=(
             None
             if row.planned_version is None
-            else PlannedIn(row.planned_version, row.planned_conditions)
+            else Present(row.network_id, row.planned_version, row.planned_conditions)
         ),
         traceparent=row.traceparent,
         promised=() if row.promised is None else PROMISED.validate_json(row.promised),

@@ -23,7 +23,7 @@ from skyway_composition import alarm_store
 from skyway_composition.calendar.commit import Snapshot, lock_as_seen
 from skyway_composition.calendar.store import raise_versions
 from skyway_composition.context import Context
-from skyway_composition.links.courier import Courier
+from skyway_composition.links.courier import Courier, Draft
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_links, save_last_links
 from skyway_composition.missions.mission import store
@@ -97,6 +97,16 @@ class MissionUnitOfWork:
     def _traceparent(self, drone_id: DroneId) -> str | None:
         record = self.missions.get(drone_id)
         return None if record is None else record.traceparent
+
+    async def send(
+        self, drone_id: DroneId, draft: Draft, *, expires_at: datetime | None = None
+    ) -> InstructionId:
+        """Send an instruction to a locked drone; returns the instruction's id."""
+        link, instruction_id = await self.courier.post(
+            self.tx, self.links[drone_id], draft, expires_at=expires_at
+        )
+        self.links[drone_id] = link
+        return instruction_id
 
     def stage_link(self, link: DroneLink) -> None:
         """Stage a changed link; `save_staged` saves it."""
@@ -209,14 +219,14 @@ def report(
     record: MissionRecord,
     kind: str,
     *,
-    at: datetime,
+    at: datetime | None = None,
     **fields: Any,  # the members of MissionReport that this kind carries, checked by the model
 ) -> MissionRecord:
-    """Report a change of a mission; the caller saves the returned record.
+    """Report a change of a mission, which happened now if not `at`; the caller saves the record.
 
     Reports of one mission are numbered, and arrive in order.
     """
-    return report_in(work.tx, work.mint, record, kind, at=at, **fields)
+    return report_in(work.tx, work.mint, record, kind, at=at or work.clock.now(), **fields)
 
 
 def report_in(

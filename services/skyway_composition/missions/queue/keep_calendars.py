@@ -25,7 +25,9 @@ from skyway.runtime.errors import RowRefused
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.sql.database import Tx
 from skyway.scheduling.stays import Slot
-from skyway_composition.calendar.commit import Snapshot, WorldChanged
+from skyway.units import NEVER_MS
+from skyway_composition.calendar.attempts import Change, commit
+from skyway_composition.calendar.commit import Snapshot
 from skyway_composition.context import Context
 from skyway_composition.margins import HAND_OVER, PLANS_QUEUE, REACHES, WAITS_FOR_DRONE
 from skyway_composition.missions.mission.end import refuse
@@ -41,16 +43,18 @@ from skyway_composition.missions.queue.move_queued import (
     send_next,
     shorten_standby,
 )
-from skyway_composition.missions.queue.next_mission import (
+from skyway_composition.missions.queue.plan_queue import (
+    Dropped,
     GiveUp,
     Leave,
+    Moved,
     PlanAgain,
+    QueuePlanner,
     Send,
     Shorten,
     Times,
     decide,
 )
-from skyway_composition.missions.queue.plan_queue import Dropped, Moved, plan_queue
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.networks.store import share_current
 from skyway_composition.planning.availability import send_ahead_ms
@@ -130,7 +134,7 @@ class Calendars:
                 following,
                 before=calendar.before,
                 link=work.links.get(drone_id),
-                is_planned_in_this_world=_planned_in(following) == present,
+                is_planned_in_this_world=following.planned_in == present,
                 times=self._times(drone_id),
             )
             match decision:
@@ -162,32 +166,28 @@ class Calendars:
                 *([] if calendar.before is None else [calendar.before.mission_id]),
             ],
         )
-        changed = await plan_queue(
-            self.context.solver,
-            world,
-            calendar.queued,
-            slot,
-            clock=self.context.clock,
-            tolerance_s=self.tolerance_s,
-        )
+        planner = QueuePlanner(self.context, world, self.tolerance_s)
+        changed = await planner.plan(calendar.queued, slot)
         is_hopeless = not changed and self._times().is_overdue(first)
         if not changed and not is_hopeless:
             return False
         seen = Snapshot(world.present, {calendar.drone_id: calendar.version})
-        async with self.context.db.write() as tx:
-            try:
-                work = await MissionUnitOfWork.lock_as_seen(self.context, tx, seen)
-            except WorldChanged:
-                return True
+
+        async def write(tx: Tx) -> None:
+            work = await MissionUnitOfWork.lock_as_seen(self.context, tx, seen)
             tx.after_commit(self.context.dispatches.set)
             if is_hopeless:
                 await refuse(work, first, code="DRONE_NOT_FREE", detail=_NO_PLAN)
-            else:
-                await _apply(work, calendar, changed, skyway)
-                took_ms = self.context.now_ms - began_ms
-                self._last_plan_took_ms[calendar.drone_id] = took_ms
-                if calendar.before is None:
-                    await self._send_if_in_time(work, calendar.drone_id)
+                return
+            await _apply(work, calendar, changed, skyway)
+            self._last_plan_took_ms[calendar.drone_id] = self.context.now_ms - began_ms
+            if calendar.before is None:
+                await self._send_if_in_time(work, calendar.drone_id)
+
+        # The missions may begin later than planned: then they are planned again.
+        lost = await commit(self.context, Change(NEVER_MS, write))
+        if isinstance(lost, RowRefused):
+            raise lost
         return True
 
     async def _send_if_in_time(self, work: MissionUnitOfWork, drone_id: DroneId) -> None:
@@ -255,11 +255,6 @@ async def _apply(
             await move(work, each, skyway, earlier=earlier[mission_id], before=before)
             before.append(mission_id)
     await restore_pads(work.tx, calendar.drone_id)
-
-
-def _planned_in(record: MissionRecord) -> tuple[int, int] | None:
-    planned_in = record.planned_in
-    return None if planned_in is None else (planned_in.version, planned_in.conditions)
 
 
 @dataclass(frozen=True, slots=True)

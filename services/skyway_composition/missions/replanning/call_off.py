@@ -32,13 +32,7 @@ async def request_call_off(
 
     Planning waits too, at most until the instruction expires.
     """
-    await call_off(
-        work,
-        record.drone_id,
-        mission_id=record.mission_id,
-        revision=record.mission.revision,
-        reason=f"{code}: {detail}",
-    )
+    await call_off(work, record, reason=f"{code}: {detail}")
     answered_by = work.clock.wall_now() + work.courier.lifetime / work.clock.rate
     await retry_stuck(work.tx, record.mission_id, at_wall_ms=moment_to_ms(answered_by))
 

@@ -67,7 +67,6 @@ def _with_trouble(
             work,
             record,
             "REPLANNING",
-            at=work.clock.now(),
             code=trouble.code,
             detail=trouble.detail,
         )

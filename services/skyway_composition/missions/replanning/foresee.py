@@ -16,7 +16,6 @@ from skyway_composition.context import Context
 from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.missions.mission.instruct import is_being_called_off
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.case import outage_of, trouble_of
 from skyway_composition.missions.replanning.find_plan import (
     Found,
     Grounded,
@@ -26,6 +25,8 @@ from skyway_composition.missions.replanning.find_plan import (
     NoPlan,
     NoPlanYet,
     PlanFinder,
+    outage_of,
+    trouble_of,
 )
 from skyway_composition.missions.replanning.outlook import (
     NOT_YET,
@@ -146,17 +147,7 @@ def _revision(after: Situation, found: Found | None) -> Revision | None:
     """The revision that would be sent."""
     if not isinstance(found, NewPlan):
         return None
-    case = found.case
-    return revision_of(
-        after.record,
-        found.remainder,
-        anchor=found.anchor,
-        trouble=case.trouble,
-        number=case.sent_revisions + 1,
-        energy_margin=case.energy_margin,
-        world=case.world,
-        link=after.link,
-    )
+    return revision_of(found, after.record, after.link)
 
 
 def _plan_and_reason(seen: Rehearsed, found: Found | None) -> _PlanAndReason:

@@ -7,14 +7,15 @@ mission stays as it is.
 import logging
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, ReturnStep
 from skyway.ids import MissionId
-from skyway.runtime.errors import RowRefused
+from skyway.runtime.sql.database import Tx
 from skyway.scheduling.giving_way import YieldingStandby
 from skyway.scheduling.trip import BookedPad, Trip
-from skyway_composition.calendar.commit import WorldChanged
+from skyway_composition.calendar.attempts import Change, commit
 from skyway_composition.context import Context
 from skyway_composition.missions.mission.record import GIVE_WAY, Trouble
 from skyway_composition.missions.mission.standby import (
@@ -24,7 +25,7 @@ from skyway_composition.missions.mission.standby import (
 )
 from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.case import Case, may_be_planned
+from skyway_composition.missions.replanning.find_plan import Case, NewPlan, may_be_planned
 from skyway_composition.missions.replanning.propose import Revision, propose, revision_of
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
@@ -73,10 +74,10 @@ class StandbyRequests:
             asked = await self._in_standby(case)
         if asked is None:
             return False
-        is_sent = await self._propose(asked)
-        about = {"mission_id": standby.mission_id, "is_sent": is_sent}
+        lost = await commit(self.context, Change(asked.starts_ms, partial(self._send, asked=asked)))
+        about = {"mission_id": standby.mission_id, "lost": lost and repr(lost)}
         log.info("standby asked to give way", extra=about)
-        return is_sent
+        return lost is None
 
     async def _case(self, standby: YieldingStandby, needed: Collection[BookedPad]) -> Case | None:
         seen = await read_situation(self.context, standby.drone_id)
@@ -137,39 +138,16 @@ class StandbyRequests:
         remainder = await planner.plan(anchor, _WHY)
         if not isinstance(remainder, Remainder) or remainder.given_up is not None:
             return None
-        revision = revision_of(
-            record,
-            remainder,
-            anchor=anchor,
-            trouble=_WHY,
-            number=case.sent_revisions + 1,
-            energy_margin=situation.energy_margin(case.world),
-            world=case.world,
-            link=situation.link,
-        )
+        revision = revision_of(NewPlan(case, anchor, remainder), record, situation.link)
         if not record.with_mission(revision.mission).stays:
             # Nothing could be booked behind the mission until it is over.
             return None
         return _Asked(case, anchor, revision, remainder.trip.start_ms)
 
-    async def _propose(self, asked: _Asked) -> bool:
-        """Send the revision, unless the world, the mission or its drone's calendar has changed."""
-        case = asked.case
-        if asked.starts_ms < self.context.now_ms:
-            return False
-        try:
-            async with self.context.db.write() as tx:
-                work = await MissionUnitOfWork.lock_as_seen(self.context, tx, case.seen)
-                record = work.missions[case.record.drone_id]
-                await propose(work, record, asked.revision, anchor=asked.anchor, trouble=_WHY)
-        except WorldChanged:
-            return False
-        except RowRefused as taken:
-            log.info(
-                "pad taken", extra={"mission_id": case.record.mission_id, "by": taken.constraint}
-            )
-            return False
-        return True
+    async def _send(self, tx: Tx, *, asked: _Asked) -> None:
+        work = await MissionUnitOfWork.lock_as_seen(self.context, tx, asked.case.seen)
+        record = work.missions[asked.case.record.drone_id]
+        await propose(work, record, asked.revision, anchor=asked.anchor, trouble=_WHY)
 
 
 def _last_of_service(situation: Situation) -> StepRecord | None:

@@ -32,7 +32,7 @@ from skyway_composition.missions.mission.from_trip import (
     flight_steps,
     next_revision,
 )
-from skyway_composition.missions.mission.instruct import send_steps
+from skyway_composition.missions.mission.instruct import mission_draft
 from skyway_composition.missions.mission.record import (
     CALLED_HOME,
     OF_STANDBY_ONLY,
@@ -45,11 +45,10 @@ from skyway_composition.missions.mission.standby import release_unneeded_pads
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.call_off import release_left_out
 from skyway_composition.missions.replanning.check_plan import request_plan
+from skyway_composition.missions.replanning.find_plan import NewPlan
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, turned_back
 from skyway_composition.missions.replanning.store import plan_now
-from skyway_composition.planning.problem_for import margins_of
-from skyway_composition.planning.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +76,7 @@ async def propose(
         Another mission has one of the new pads.
     """
     draft = _draft(revision, anchor, trouble)
-    link, instruction_id = await work.courier.post(
-        work.tx, work.links[record.drone_id], draft, expires_at=work.courier.expiry()
-    )
-    work.links[record.drone_id] = link
+    instruction_id = await work.send(record.drone_id, draft)
     record = with_aims(work, record, revision.aims, code=trouble.code, detail=trouble.detail)
     proposal = Proposal(
         instruction_id=instruction_id,
@@ -173,14 +169,7 @@ async def replace_plan(
     record = replace(record, mission=mission, stuck=None, trouble=None, reported_activity=None)
     await release_unneeded_pads(work, record)
     record = await release_left_out(work, record)
-    work.links[record.drone_id] = await send_steps(
-        work.tx,
-        work.courier,
-        work.links[record.drone_id],
-        mission=mission,
-        steps=revision.steps,
-        expires_at=work.courier.expiry(),
-    )
+    await work.send(record.drone_id, mission_draft(mission, revision.steps))
     record = _report_replanned(work, record, code=trouble.code, detail=trouble.detail)
     await work.save(record)
 
@@ -197,7 +186,6 @@ def with_aims(
         work,
         record,
         "RETURNING",
-        at=work.clock.now(),
         package_ids=turned,
         code=code,
         detail=detail,
@@ -279,7 +267,6 @@ def _report_replanned(
         work,
         record,
         "REPLANNED",
-        at=work.clock.now(),
         code=code,
         detail=detail,
         etas=record.mission.packages,
@@ -291,19 +278,10 @@ def _report_replanned(
 _LONGEST_WAIT: Final = timedelta(days=7)
 
 
-def revision_of(
-    record: MissionRecord,
-    remainder: Remainder,
-    *,
-    anchor: Anchor,
-    trouble: Trouble,
-    number: int,
-    energy_margin: float,
-    world: World,
-    link: DroneLink,
-) -> Revision:
-    """The mission's next revision with its steps, under this number and energy margin."""
-    skyway = world.skyway
+def revision_of(plan: NewPlan, record: MissionRecord, link: DroneLink) -> Revision:
+    """The mission's next revision by this plan, with its steps."""
+    case, anchor, remainder = plan.case, plan.anchor, plan.remainder
+    trouble, world, skyway = case.trouble, case.world, case.world.skyway
     terms = StepTerms.of(replace(record, aims=remainder.aims), skyway.settings)
     if remainder.given_up is not None:
         terms = replace(terms, returned=anchor.carried)
@@ -319,19 +297,12 @@ def revision_of(
         # The drone is home and charged. It needs one last step to end the mission.
         start_ms = remainder.trip.start_ms
         steps = (finished_wait(anchor.station_id, start_ms, step_id=anchor.first_step),)
-    margins = margins_of(
-        world.for_drone(record.candidate.learned),
-        record.candidate.model,
-        remainder.trip.plan,
-        start_ms=remainder.trip.start_ms,
-        energy_margin=energy_margin,
-    )
     mission = next_revision(
-        record.mission,
+        record,
         remainder.trip,
-        revision=number,
-        margins=margins,
-        weather=world.weather_note(remainder.trip.start_ms),
+        world,
+        revision=case.sent_revisions + 1,
+        energy_margin=case.energy_margin,
     ).model_copy(update={"given_up": remainder.given_up})
     if remainder.given_up is not None:
         # Packages that are left behind do not arrive, so they have no arrival time.

@@ -9,14 +9,14 @@ planned again.
 import asyncio
 import logging
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 from skyway.ids import DroneId
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.sql.database import Tx
-from skyway.scheduling.trip import NoTrip
 from skyway.units import NEVER_MS, moment_to_ms
-from skyway_composition.calendar.commit import WorldChanged
+from skyway_composition.calendar.attempts import Change, commit
 from skyway_composition.closures.close import Closings
 from skyway_composition.closures.store import outages
 from skyway_composition.context import Context
@@ -30,7 +30,6 @@ from skyway_composition.missions.replanning.call_off import (
     request_call_off,
     surely_stays_at_pickup,
 )
-from skyway_composition.missions.replanning.case import Case, outage_of
 from skyway_composition.missions.replanning.find_plan import (
     MOST_REVISIONS,
     Found,
@@ -41,10 +40,10 @@ from skyway_composition.missions.replanning.find_plan import (
     NoPlan,
     NoPlanYet,
     PlanFinder,
+    outage_of,
 )
 from skyway_composition.missions.replanning.propose import propose, replace_plan, revision_of
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
-from skyway_composition.missions.replanning.remainder.planner import Remainder
 from skyway_composition.missions.replanning.situation import read_situation
 from skyway_composition.missions.replanning.store import claim_stuck, put_off, retry_stuck
 
@@ -93,13 +92,15 @@ class Replanner:
     async def _apply(self, record: MissionRecord, found: Found) -> None:
         match found:
             case NewPlan():
-                await self._send_or_retry(found.case, found.anchor, found.remainder)
+                start_ms = found.remainder.trip.start_ms
+                await self._commit(record, Change(start_ms, partial(self._send, plan=found)))
             case NoPlanYet():
                 await self._retry_later(record)
             case Grounded():
                 await self._hold(record, found.stop)
             case NoDiversion():
-                await self._stop_diverting(found.case, found.reason)
+                write = partial(self._stop_diverting, found=found)
+                await self._commit(record, Change(NEVER_MS, write))
             case NoMorePlans():
                 await self._stop_trying(record, found.trouble)
             case NoPlan():
@@ -119,35 +120,29 @@ class Replanner:
             return
         await self.closings.make(outage)
 
-    async def _send_or_retry(self, case: Case, anchor: Anchor, remainder: Remainder) -> None:
-        """Send this remainder of the mission; if a pad is reserved by now, plan again later."""
-        try:
-            async with self.context.db.write() as tx:
-                await self._send(tx, case, anchor, remainder)
-        except RowRefused as taken:
-            mission_id = case.record.mission_id
-            log.info("pad taken", extra={"mission_id": mission_id, "by": taken.constraint})
-            await self._retry_later(case.record)
+    async def _commit(self, record: MissionRecord, change: Change[None]) -> None:
+        """Commit a change of this mission, or have it planned again.
 
-    async def _send(self, tx: Tx, case: Case, anchor: Anchor, remainder: Remainder) -> None:
-        """Send this remainder of the mission, unless the world or the mission has changed."""
-        work = await self._lock_as_seen(case, tx)
-        # After the links: every transaction locks links before missions.
-        await retry_stuck(tx, case.record.mission_id, at_wall_ms=0)
-        if work is None or remainder.trip.start_ms < self.context.now_ms:
-            return
+        If a pad is reserved by now, it is planned a little later, otherwise immediately.
+        """
+        lost = await commit(self.context, change)
+        if isinstance(lost, RowRefused):
+            about = {"mission_id": record.mission_id, "by": lost.constraint}
+            log.info("pad taken", extra=about)
+            await self._retry_later(record)
+        elif lost is not None:
+            async with self.context.db.write() as tx:
+                await retry_stuck(tx, record.mission_id, at_wall_ms=0)
+
+    async def _send(self, tx: Tx, *, plan: NewPlan) -> None:
+        """Send this remainder of the mission."""
+        case, anchor = plan.case, plan.anchor
+        work = await MissionUnitOfWork.lock_as_seen(self.context, tx, case.seen)
         record = work.missions[case.record.drone_id]
-        revision = revision_of(
-            record,
-            remainder,
-            anchor=anchor,
-            trouble=case.trouble,
-            number=case.sent_revisions + 1,
-            energy_margin=case.energy_margin,
-            world=case.world,
-            link=work.links[record.drone_id],
-        )
-        if case.closed.closes_landing(anchor.station_id, anchor.at_ms) and remainder.given_up:
+        await retry_stuck(tx, record.mission_id, at_wall_ms=0)
+        revision = revision_of(plan, record, work.links[record.drone_id])
+        is_closed = case.closed.closes_landing(anchor.station_id, anchor.at_ms)
+        if is_closed and plan.remainder.given_up:
             await _raise_no_landing(work, record, anchor)
         if record.stuck is None:
             await propose(work, record, revision, anchor=anchor, trouble=case.trouble)
@@ -159,12 +154,18 @@ class Replanner:
         async with self.context.db.write() as tx:
             await put_off(tx, record.mission_id, until_wall_ms=self._retry_wall_ms)
 
+    async def _stop_diverting(self, tx: Tx, *, found: NoDiversion) -> None:
+        """Leave the drone held, because it cannot reach the station of its diversion."""
+        work = await MissionUnitOfWork.lock_as_seen(self.context, tx, found.case.seen)
+        record, reason = work.missions[found.case.record.drone_id], found.reason
+        await stop_diverting(work, record, reason=f"{reason.code}: {reason.detail}")
+        await put_off(tx, record.mission_id, until_wall_ms=self._retry_wall_ms)
+
     async def _hold(self, record: MissionRecord, stop: str) -> None:
         """Keep the drone on the ground while a ground stop lasts, and plan again later."""
         async with self.context.db.write() as tx:
-            work = await self._lock(record.drone_id, tx)
-            current = work.missions.get(record.drone_id)
-            if current is not None and current.mission_id == record.mission_id:
+            work, current = await self._lock(record, tx)
+            if current is not None:
                 await _hold_for_stop(work, current, stop=stop)
         await self._retry_later(record)
 
@@ -175,28 +176,17 @@ class Replanner:
             await self._give_up(record, code=trouble.code, detail=detail)
             return
         async with self.context.db.write() as tx:
-            work = await self._lock(record.drone_id, tx)
-            current = work.missions.get(record.drone_id)
-            if current is not None and current.mission_id == record.mission_id:
+            work, current = await self._lock(record, tx)
+            if current is not None:
                 await stop_trying(work, current, trouble)
                 # Until another plan is requested.
                 await put_off(tx, record.mission_id, until_wall_ms=NEVER_MS)
 
-    async def _stop_diverting(self, case: Case, reason: NoTrip) -> None:
-        """Leave the drone held, because it cannot reach the station of its diversion."""
-        async with self.context.db.write() as tx:
-            work = await self._lock_as_seen(case, tx)
-            if work is not None:
-                record = work.missions[case.record.drone_id]
-                await stop_diverting(work, record, reason=f"{reason.code}: {reason.detail}")
-            await put_off(tx, case.record.mission_id, until_wall_ms=self._retry_wall_ms)
-
     async def _give_up(self, planned: MissionRecord, *, code: str, detail: str) -> None:
         """End a mission for which no plan was found, if the drone still has this mission."""
         async with self.context.db.write() as tx:
-            work = await self._lock(planned.drone_id, tx)
-            record = work.missions.get(planned.drone_id)
-            if record is None or record.mission_id != planned.mission_id:
+            work, record = await self._lock(planned, tx)
+            if record is None:
                 return
             if not await _surely_stands(work, record):
                 # It may begin before a CANCEL reaches it, or has begun: plan again later.
@@ -204,15 +194,14 @@ class Replanner:
                 return
             await give_up(work, record, code=code, detail=detail)
 
-    async def _lock_as_seen(self, case: Case, tx: Tx) -> MissionUnitOfWork | None:
-        """The locked drone of a case; None if anything has changed that its plan depends on."""
-        try:
-            return await MissionUnitOfWork.lock_as_seen(self.context, tx, case.seen)
-        except WorldChanged:
-            return None
-
-    async def _lock(self, drone_id: DroneId, tx: Tx) -> MissionUnitOfWork:
-        return await MissionUnitOfWork.lock(self.context, tx, [drone_id])
+    async def _lock(
+        self, seen: MissionRecord, tx: Tx
+    ) -> tuple[MissionUnitOfWork, MissionRecord | None]:
+        """The drone, locked, and the mission as it is now; None if the drone has left it."""
+        work = await MissionUnitOfWork.lock(self.context, tx, [seen.drone_id])
+        record = work.missions.get(seen.drone_id)
+        is_same = record is not None and record.mission_id == seen.mission_id
+        return work, record if is_same else None
 
     @property
     def _retry_wall_ms(self) -> int:

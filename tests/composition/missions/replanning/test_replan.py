@@ -276,6 +276,26 @@ async def test_an_error_for_one_mission_does_not_stop_planning_for_others(
     assert [each.mission_revision for each in await composition.sent("drn_1")] == [2]
 
 
+async def test_a_plan_that_is_outdated_is_made_again_immediately(
+    composition: Any, drone: Any
+) -> None:
+    await flown_until(composition, drone, failing=3, station_id="b")
+    clock, solver = composition.clock, composition.parts.solver
+
+    class SlowSolver:
+        def __getattr__(self, name: str) -> Any:
+            clock.advance(timedelta(hours=1))
+            return getattr(solver, name)
+
+    slow: Any = SlowSolver()
+    context = composition.parts.planning_with(slow)
+    await replace(composition.replanner, context=context).step()
+
+    [row] = await composition.rows("SELECT retry_wall_ms FROM missions")
+    assert await composition.sent() == []
+    assert row.retry_wall_ms == 0
+
+
 async def test_a_plan_requested_during_planning_is_not_put_off(
     composition: Any, drone: Any
 ) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from skyway.contracts.mission import Mission
 from skyway.ids import DroneId, MissionId, ProviderId
 from skyway.runtime.sql.database import Tx
-from skyway_composition.calendar.commit import Snapshot, WorldChanged
+from skyway_composition.calendar.commit import Snapshot
 from skyway_composition.context import Context
 from skyway_composition.missions.mission.custody_store import begin_at_pickup
 from skyway_composition.missions.mission.record import MissionRecord
@@ -20,7 +20,7 @@ from skyway_composition.missions.mission.standby import (
 from skyway_composition.missions.mission.step_store import replace_steps
 from skyway_composition.missions.mission.store import save_request
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report_left
-from skyway_composition.missions.queue.dispatching import store
+from skyway_composition.missions.queue import store
 from skyway_composition.missions.queue.dispatching.fleet import Calendar, Fleet, Moments
 from skyway_composition.missions.queue.dispatching.merger import Merge, promises_of
 from skyway_composition.missions.queue.dispatching.plan_orders import Judgement
@@ -154,6 +154,11 @@ class JoinedTrip:
         )
 
     @property
+    def first_start_ms(self) -> int:
+        """The start of the first mission that gets a new plan; then it is too late to join."""
+        return self.better.first_start_ms
+
+    @property
     def host_before(self) -> MissionRecord:
         """The host's mission as it was before the guest joined."""
         waiting = self.better.fleet.waiting
@@ -167,12 +172,10 @@ class JoinedTrip:
         Raises
         ------
         WorldChanged
-            The host could start by now, or its drone's calendar or the network has changed.
+            The calendar of the host's drone or the network has changed.
         RowRefused
             Another mission, or a held offer, has one of the pads now.
         """
-        if self.better.first_start_ms < context.now_ms:
-            raise WorldChanged
         await adopt(context, tx, self.better)
         record = self.record
         promised = promises_of(self.host_before)

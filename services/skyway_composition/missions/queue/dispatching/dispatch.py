@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Final, Literal
 
 from skyway.contracts.drones import (
@@ -15,13 +16,13 @@ from skyway.ids import DroneId, MissionId, NetworkId, ProviderId
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.metrics import count, timed
+from skyway.runtime.sql.database import Tx
 from skyway.scheduling.trip import NoTrip
-from skyway.units import moment_to_ms
-from skyway_composition.calendar.commit import WorldChanged
+from skyway_composition.calendar.attempts import Change, commit
 from skyway_composition.context import Context
 from skyway_composition.links.store import held_among, links_to
 from skyway_composition.margins import ANOTHER_ORDER, HAND_OVER, REACHES
-from skyway_composition.missions.queue.dispatching import store
+from skyway_composition.missions.queue import store
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, adopt
 from skyway_composition.missions.queue.dispatching.fleet import (
     Fleet,
@@ -226,13 +227,12 @@ class OrderFinder:
         """The order of these drones with exact plans, if it is better."""
         hosts = [each.host for each in order.merges]
         moved = await plan_orders(
-            self.context.solver,
+            self.context,
             world,
             affected,
             order.orders,
             instead=hosts,
             times=times,
-            clock=self.context.clock,
             tolerance_s=self.terms.tolerance_s,
         )
         if isinstance(moved, NoTrip):
@@ -324,25 +324,14 @@ class Dispatcher:
 
     async def adopt(self, better: BetterOrder) -> str:
         """Save a better order, if nothing has changed since; returns the outcome."""
-        now = self.context.clock.now()
-        if better.first_start_ms < moment_to_ms(now + REACHES.span(self.context.clock)):
+        latest_ms = better.first_start_ms - REACHES.ms(self.context.clock)
+        lost = await commit(self.context, Change(latest_ms, partial(self._write, better=better)))
+        if isinstance(lost, RowRefused):
+            log.info("a pad of a better order was taken", extra={"by": lost.constraint})
+            return "taken"
+        if lost is not None:
             return "outdated"
         judgement = better.judgement
-        try:
-            async with self.context.db.write() as tx:
-                await adopt(self.context, tx, better)
-                await store.note_better_order(
-                    tx,
-                    better.provider_id,
-                    moves=judgement.moves,
-                    saved_s=judgement.saved_s,
-                    at_ms=moment_to_ms(now),
-                )
-        except RowRefused as taken:
-            log.info("a pad of a better order was taken", extra={"by": taken.constraint})
-            return "taken"
-        except WorldChanged:
-            return "outdated"
         self.context.calendars.set()
         about = "seconds by which adopted orders deliver earlier"
         count("skyway_dispatch_saved_seconds", about, max(0.0, judgement.saved_s))
@@ -361,3 +350,14 @@ class Dispatcher:
             },
         )
         return "adopted"
+
+    async def _write(self, tx: Tx, *, better: BetterOrder) -> None:
+        await adopt(self.context, tx, better)
+        judgement = better.judgement
+        await store.note_better_order(
+            tx,
+            better.provider_id,
+            moves=judgement.moves,
+            saved_s=judgement.saved_s,
+            at_ms=self.context.now_ms,
+        )

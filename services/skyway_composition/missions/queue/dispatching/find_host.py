@@ -27,7 +27,7 @@ from skyway_composition.links.store import held_among, links_to
 from skyway_composition.margins import HAND_OVER, JOINS
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import NearPickup, Share, flight_id
-from skyway_composition.missions.queue.dispatching import store
+from skyway_composition.missions.queue import store
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, JoinedTrip
 from skyway_composition.missions.queue.dispatching.dispatch import free_to_take_off
 from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments, fleet_of
@@ -183,13 +183,12 @@ class HostFinder:
         if together is None:
             return None
         moved = await plan_orders(
-            self.context.solver,
+            self.context,
             world,
             fleet,
             fleet.orders,
             instead=[together],
             times=times,
-            clock=self.context.clock,
             tolerance_s=self.tolerance_s,
         )
         if isinstance(moved, NoTrip):

@@ -95,12 +95,7 @@ class Fleet:
 
     def is_planned_in(self, present: Present) -> bool:
         """Whether all waiting missions were planned for the present network and its closures."""
-        versions = present.version, present.conditions
-        return all(
-            each.planned_in is not None
-            and (each.planned_in.version, each.planned_in.conditions) == versions
-            for each in self.waiting
-        )
+        return all(each.planned_in == present for each in self.waiting)
 
     def only(self, drone_ids: Collection[DroneId]) -> "Fleet":
         """The calendars of these drones."""

@@ -13,7 +13,6 @@ from skyway.delivery.plan import Plan
 from skyway.errors import InvalidProblem
 from skyway.ids import DroneId, MissionId, PackageId
 from skyway.planner.problem import Problem
-from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.scheduling.standby import StandbyChoice, home_start_ms
 from skyway.scheduling.stays import Slot, slot_after
@@ -25,9 +24,9 @@ from skyway.scheduling.trip import (
     no_plan,
     shortened_trip,
 )
-from skyway.units import moment_to_ms
+from skyway_composition.context import Context
 from skyway_composition.missions.mission.from_trip import flown_by, replanned_in_queue
-from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
+from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.queue.dispatching.fleet import Calendar, Fleet, Moments, Orders
 from skyway_composition.missions.queue.plan_queue import (
     Moved,
@@ -38,8 +37,7 @@ from skyway_composition.missions.queue.plan_queue import (
     with_promises,
 )
 from skyway_composition.planning.find_trip import way_home
-from skyway_composition.planning.problem_for import Standing, margins_of
-from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.problem_for import Standing
 from skyway_composition.planning.world import World
 
 #: What it costs to give a mission to another drone, in seconds of one delivery. The same is the
@@ -145,10 +143,9 @@ class _Row:
 class OrderPlanner:
     """Plans an order in a world in which the waiting missions of the fleet have no pads."""
 
-    solver: SolverPool
+    context: Context
     world: World
     times: Moments
-    clock: FleetClock
     tolerance_s: float
     _pads: dict[MissionId, Sequence[BookedPad]] = field(default_factory=dict)
 
@@ -187,7 +184,7 @@ class OrderPlanner:
     @property
     def _is_too_late(self) -> bool:
         """Whether missions that may move would have to be sent already."""
-        return moment_to_ms(self.clock.now()) > self.times.settled_ms
+        return self.context.now_ms > self.times.settled_ms
 
     def _push(self, ready: list[tuple[int, DroneId]], drone_id: DroneId, row: _Row) -> None:
         if not row.following:
@@ -235,7 +232,7 @@ class OrderPlanner:
             if slot is None:
                 continue
             problem = problem_of(world, record, slot, from_ms=0, latest_ms=latest_ms)
-            plan = await self.solver.compose_in(world, problem)
+            plan = await self.context.solver.compose_in(world, problem)
             if plan.is_flyable:
                 return await self._in_time(world, problem, plan, record, slot), slot
             reason = no_plan(plan)
@@ -248,7 +245,7 @@ class OrderPlanner:
         due = with_promises(
             problem, plan, record, start_ms=slot.at_ms, tolerance_s=self.tolerance_s
         )
-        kept = plan if due is None else await self.solver.compose_in(world, due)
+        kept = plan if due is None else await self.context.solver.compose_in(world, due)
         return kept if kept.is_flyable else plan
 
     async def _add_standby(self, row: _Row) -> NoTrip | None:
@@ -257,7 +254,7 @@ class OrderPlanner:
         record, served = moved.record, moved.record.stays[0]
         candidate = record.candidate
         trip = await way_home(
-            self.solver,
+            self.context.solver,
             self._world_of(row, record.mission_id),
             moved.trip.plan,
             standing=Standing(candidate.planned_model, served.soc_from, served.station_id),
@@ -275,20 +272,8 @@ class OrderPlanner:
         self._add(row, moved.record, shortened_trip(moved.trip, until_ms), moved.record.start)
 
     def _add(self, row: _Row, record: MissionRecord, trip: Trip, slot: Slot) -> None:
-        skyway = self.world.skyway
-        moved = replanned_in_queue(
-            record,
-            trip,
-            replace(slot, at_ms=trip.start_ms),
-            margins=margins_of(
-                self.world.for_drone(record.candidate.learned),
-                record.candidate.model,
-                trip.plan,
-                start_ms=trip.start_ms,
-            ),
-            weather=self.world.weather_note(trip.start_ms),
-            planned_in=PlannedIn(skyway.version, self.world.conditions_version),
-        )
+        slot = replace(slot, at_ms=trip.start_ms)
+        moved = replanned_in_queue(record, trip, slot, world=self.world)
         row.planned.append(Moved(moved, trip))
         self._pads[record.mission_id] = trip.booked_pads
 
@@ -304,13 +289,12 @@ class OrderPlanner:
 
 
 async def plan_orders(
-    solver: SolverPool,
+    context: Context,
     world: World,
     fleet: Fleet,
     orders: Orders,
     *,
     times: Moments,
-    clock: FleetClock,
     tolerance_s: float,
     instead: Iterable[MissionRecord] = (),
 ) -> dict[DroneId, tuple[Moved, ...]] | NoTrip:
@@ -323,7 +307,7 @@ async def plan_orders(
     """
     free = world.without([each.mission_id for each in fleet.waiting])
     try:
-        planner = OrderPlanner(solver, free, times, clock, tolerance_s)
+        planner = OrderPlanner(context, free, times, tolerance_s)
         return await planner.plan(fleet, orders, instead=instead)
     except InvalidProblem as error:
         # A newer version of the network has hand-overs that are longer than a window.

@@ -12,7 +12,7 @@ from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import shares_json
 from skyway_composition.missions.mission.share_views import mission_for
-from skyway_composition.missions.queue.dispatching.store import hosts_at
+from skyway_composition.missions.queue.store import hosts_at
 
 from skyway.contracts.mission import Mission
 from skyway.delivery.request import DeliveryRequest, Place

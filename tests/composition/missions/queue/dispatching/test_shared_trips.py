@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from skyway_composition.context import Context
 from skyway_composition.live.live_store import missions_with_steps, open_missions
-from skyway_composition.live.present import live_missions
+from skyway_composition.live.routes import live_missions
 from skyway_composition.missions.booking.book import SharedTrip
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import mission_of, missions_seen, own_fields
 from skyway_composition.missions.queue.dispatching.merger import MOST_SHARES
-from skyway_composition.missions.queue.dispatching.store import refusals_of
+from skyway_composition.missions.queue.store import refusals_of
 from skyway_composition.missions.tracking import track_of
 from skyway_composition.retention.forget_store import delete_deliveries, needed_among
 from skyway_composition.tables import custody, deliveries, guests, missions, outbox
@@ -359,6 +359,7 @@ async def test_a_kill_before_the_end_of_the_transaction_leaves_the_calendar_whol
         """Finds shared trips, and is killed after all writes of a join."""
 
         joint: SharedTrip | None = None
+        first_start_ms = 2**62
 
         async def find(self, *asked: Any) -> SharedTrip | None:
             self.joint = await found.find(*asked)

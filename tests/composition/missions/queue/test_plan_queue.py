@@ -4,7 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from skyway_composition.missions.queue.next_mission import (
+from skyway_composition.missions.queue.plan_queue import (
     Decision,
     GiveUp,
     Leave,
