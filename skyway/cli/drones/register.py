@@ -134,11 +134,13 @@ class _Sender:
         """All rows; the command ends and names each wrong row if there is any."""
         rows = _rows_of(file, self.kind)
         faults = [*_repeated(rows, self.kind.unique)]
-        for first in range(0, len(rows), _CHUNK):
-            faults += self._faults_of([*rows[first : first + _CHUNK]], known=len(faults))
+        repeated = {fault.line for fault in faults}
+        others = [row for row in rows if row.line not in repeated]
+        for first in range(0, len(others), _CHUNK):
+            faults += self._faults_of(others[first : first + _CHUNK], known=len(faults))
         if faults:
             more = "" if len(faults) < _MOST_FAULTS else "\nThe rows after that were not checked."
-            lines = "\n".join(f"line {fault.line}, {fault.text}" for fault in sorted(set(faults)))
+            lines = "\n".join(f"line {fault.line}, {fault.text}" for fault in sorted(faults))
             fail(f"{file}: nothing was registered\n{lines}{more}")
         typer.echo(f"{len(rows)} rows are good")
         return rows
