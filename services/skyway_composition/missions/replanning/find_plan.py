@@ -27,7 +27,7 @@ from skyway_composition.missions.replanning.remainder.anchor import (
     find_anchor,
 )
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
-from skyway_composition.missions.replanning.situation import NextMissions, Situation
+from skyway_composition.missions.replanning.situation import PlanningSituation, Situation
 from skyway_composition.planning.problem_for import with_margin
 from skyway_composition.planning.world import ClosedAhead, World
 
@@ -39,16 +39,13 @@ _MORE_AFTER_REFUSAL: Final = 0.05
 class Case:
     """All that a new plan is made from; it is checked again before the plan is sent.
 
-    `sent_revisions` is the number of the newest revision ever sent, accepted or not; a number is
-    used once. `felt_margin` is the energy margin that the plan needs in the wind that the drone
-    feels.
+    `felt_margin` is the energy margin that the plan needs in the wind that the drone feels.
     """
 
-    situation: Situation
+    situation: PlanningSituation
     trouble: Trouble
     world: World
     closed: ClosedAhead
-    sent_revisions: int
     felt_margin: float = 0.0
 
     @property
@@ -238,14 +235,9 @@ class PlanFinder:
     context: Context
 
     async def find(
-        self,
-        situation: Situation,
-        *,
-        sent_revisions: int,
-        queued: NextMissions,
-        supposed: Sequence[Closure] = (),
+        self, situation: PlanningSituation, *, supposed: Sequence[Closure] = ()
     ) -> Found:
-        """What becomes of this mission; `queued` are the drone's next missions.
+        """What becomes of this mission.
 
         The `supposed` closures were not made: a dry run plans as if they were.
         """
@@ -254,25 +246,25 @@ class PlanFinder:
             return NoPlanYet("NO_PLAN_NEEDED")
         if (obstacle := planning_obstacle(situation, trouble)) is not None:
             return NoPlanYet(obstacle)
-        if sent_revisions >= MOST_REVISIONS:
+        if situation.sent_revisions >= MOST_REVISIONS:
             return NoMorePlans(trouble)
         # The pads of this drone's missions count as free.
         world = await World.of(
             await self.context.networks.current(record.network_id),
             self.context.db,
             after_ms=self.context.now_ms,
-            without=[record.mission_id, *queued.ids],
+            without=[record.mission_id, *situation.queued.ids],
             supposed=supposed,
         )
         world = world.for_drone(record.candidate.learned)
         # Reads the weather of the model here, since this may take a while.
         await world.weather(situation.model, self.context.now_ms)
         closed = ClosedAhead.of(world, now_ms=self.context.now_ms).for_model(situation.model)
-        case = Case(situation, trouble, world, closed, sent_revisions)
+        case = Case(situation, trouble, world, closed)
         anchor = self._anchor(case, closed=closed)
         if anchor is None:
             return NoPlanYet("START_UNKNOWN")
-        ready = queued.start
+        ready = situation.queued.start
         if ready is not None:
             ready = replace(ready, at_ms=ready.at_ms - HAND_OVER.ms(self.context.clock))
         if case.waits_for_operator:

@@ -13,7 +13,6 @@ from skyway.contracts.flight_step import FlyStep
 from skyway.units import ms_to_moment
 from skyway_composition.closures.closure import Closure, ForeseenPlan
 from skyway_composition.context import Context
-from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.missions.mission.instruct import is_being_called_off
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.find_plan import (
@@ -38,7 +37,11 @@ from skyway_composition.missions.replanning.outlook import (
 )
 from skyway_composition.missions.replanning.prediction import Load, predict
 from skyway_composition.missions.replanning.propose import Revision, revision_of
-from skyway_composition.missions.replanning.situation import NextMissions, Situation, whereabouts
+from skyway_composition.missions.replanning.situation import (
+    PlanningSituation,
+    Situation,
+    whereabouts,
+)
 
 #: Longest time to plan for a dry run, seconds of wall time. Our own choice.
 LONGEST_S: Final = 10.0
@@ -55,13 +58,9 @@ async def rehearsed(work: MissionUnitOfWork, before: Situation) -> Rehearsed:
     held = record.own(await work.custody.held_on(record))
     return Rehearsed(
         before=before,
-        after=await Situation.of(work, after) if after is not None and is_live else None,
+        after=await PlanningSituation.of(work, after) if after is not None and is_live else None,
         held=held,
         is_called_off=await is_being_called_off(work, record.drone_id, record.mission_id),
-        sent_revisions=max(
-            record.mission.revision, await last_revision(work.tx, record.mission_id)
-        ),
-        queued=await NextMissions.read(work.tx, record.drone_id),
     )
 
 
@@ -103,12 +102,7 @@ class Foresight:
             return None
         outage = outage_of(after.record, now_ms=self.context.now_ms)
         closures = supposed if outage is None else (*supposed, outage)
-        found = await PlanFinder(self.context).find(
-            after,
-            sent_revisions=seen.sent_revisions,
-            queued=seen.queued,
-            supposed=closures,
-        )
+        found = await PlanFinder(self.context).find(after, supposed=closures)
         return await self._after_stop(found, supposed) if isinstance(found, Grounded) else found
 
     async def _after_stop(self, found: Grounded, supposed: Sequence[Closure]) -> Found:

@@ -80,13 +80,12 @@ class StandbyRequests:
         return lost is None
 
     async def _case(self, standby: YieldingStandby, needed: Collection[BookedPad]) -> Case | None:
-        seen = await read_situation(self.context, standby.drone_id)
-        if seen is None:
+        situation = await read_situation(self.context, standby.drone_id)
+        if situation is None or situation.sent_revisions >= _MOST_REVISIONS:
             return None
-        situation, sent, queued = seen
-        record = situation.record
-        is_same = record.mission_id == standby.mission_id and not queued.ids and record.stays
-        if not is_same or sent >= _MOST_REVISIONS or not may_be_planned(situation, _WHY):
+        record, is_last = situation.record, not situation.queued.ids
+        is_same = record.mission_id == standby.mission_id and is_last and record.stays
+        if not is_same or not may_be_planned(situation, _WHY):
             return None
         skyway = await self.context.networks.current(record.network_id)
         world = await World.of(
@@ -95,7 +94,7 @@ class StandbyRequests:
         world = world.instead({_THE_SERVICE: needed}).for_drone(record.candidate.learned)
         await world.weather(situation.model, self.context.now_ms)
         closed = ClosedAhead.of(world, now_ms=self.context.now_ms).for_model(situation.model)
-        return Case(situation, _WHY, world, closed, sent)
+        return Case(situation, _WHY, world, closed)
 
     async def _before_standby(self, case: Case, served_step: int) -> _Asked | None:
         """Another standby for a drone that has not ended its service; the service stays."""
@@ -120,7 +119,7 @@ class StandbyRequests:
             carried=frozenset(),
             has_loaded=True,
         )
-        mission = with_standby_of(record.mission, trip, revision=case.sent_revisions + 1)
+        mission = with_standby_of(record.mission, trip, revision=situation.sent_revisions + 1)
         steps = standby_steps(record, trip, case.world, first_step=anchor.first_step)
         return _Asked(case, anchor, Revision(mission, steps, record.aims), trip.home_start_ms)
 

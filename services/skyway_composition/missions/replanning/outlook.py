@@ -16,7 +16,7 @@ from skyway_composition.closures.closure import ForeseenPlan
 from skyway_composition.missions.mission.custody_store import Held, has_never_left
 from skyway_composition.missions.replanning.find_plan import Found, Grounded, NewPlan, NoPlan
 from skyway_composition.missions.replanning.propose import Revision
-from skyway_composition.missions.replanning.situation import NextMissions, Situation
+from skyway_composition.missions.replanning.situation import PlanningSituation, Situation
 
 #: What becomes of a package.
 PackageFate = Literal["DELIVERED", "RETURNED", "NOT_PICKED_UP", "LEFT_BEHIND", "WAITS", "UNKNOWN"]
@@ -113,11 +113,9 @@ class Rehearsed:
     """
 
     before: Situation
-    after: Situation | None
+    after: PlanningSituation | None
     held: Mapping[PackageId, Held]
     is_called_off: bool
-    sent_revisions: int
-    queued: NextMissions
 
 
 def packages_of(

@@ -301,7 +301,7 @@ def revision_of(plan: NewPlan, record: MissionRecord, link: DroneLink) -> Revisi
         record,
         remainder.trip,
         world,
-        revision=case.sent_revisions + 1,
+        revision=case.situation.sent_revisions + 1,
         energy_margin=case.energy_margin,
     ).model_copy(update={"given_up": remainder.given_up})
     if remainder.given_up is not None:

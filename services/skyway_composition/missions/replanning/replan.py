@@ -78,16 +78,13 @@ class Replanner:
     async def replan(self, drone_id: DroneId) -> None:
         """Give this drone's mission a new revision; without a plan, try again later or give up."""
         seen = await read_situation(self.context, drone_id)
-        if seen is not None and seen[0].needs_pad_closed:
-            await self._close_pad(seen[0].record)
+        if seen is not None and seen.needs_pad_closed:
+            await self._close_pad(seen.record)
             # Closing a pad changes missions, this one included.
             seen = await read_situation(self.context, drone_id)
         if seen is None:
             return
-        situation, sent_revisions, queued = seen
-        finder = PlanFinder(self.context)
-        found = await finder.find(situation, sent_revisions=sent_revisions, queued=queued)
-        await self._apply(situation.record, found)
+        await self._apply(seen.record, await PlanFinder(self.context).find(seen))
 
     async def _apply(self, record: MissionRecord, found: Found) -> None:
         match found:

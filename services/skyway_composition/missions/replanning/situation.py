@@ -294,18 +294,29 @@ class NextMissions:
         return cls(tuple(each.mission_id for each in queued), queued[0].start if queued else None)
 
 
-async def read_situation(
-    context: Context, drone_id: DroneId
-) -> tuple[Situation, int, NextMissions] | None:
-    """The situation of its mission, the last revision that was sent, and what waits behind it.
+@dataclass(frozen=True, slots=True)
+class PlanningSituation(Situation):
+    """A situation with what another plan depends on besides.
 
-    None when the drone has no live mission.
+    `sent_revisions` is the number of the newest revision ever sent, accepted or not; a number is
+    used once. `queued` are the drone's next missions.
     """
+
+    sent_revisions: int
+    queued: NextMissions
+
+    @classmethod
+    async def of(cls, work: MissionUnitOfWork, record: MissionRecord) -> Self:
+        """The situation of a locked mission, to plan for it."""
+        seen = await Situation.of(work, record)
+        sent = max(record.mission.revision, await last_revision(work.tx, record.mission_id))
+        queued = await NextMissions.read(work.tx, record.drone_id)
+        return cls(seen.record, seen.link, seen.steps, seen.held, sent, queued)
+
+
+async def read_situation(context: Context, drone_id: DroneId) -> PlanningSituation | None:
+    """The situation of a drone's mission; None when the drone has no live mission."""
     async with context.db.write() as tx:
         work = await MissionUnitOfWork.lock(context, tx, [drone_id])
         record = work.missions.get(drone_id)
-        if record is None:
-            return None
-        sent = max(record.mission.revision, await last_revision(tx, record.mission_id))
-        queued = await NextMissions.read(tx, drone_id)
-        return await Situation.of(work, record), sent, queued
+        return None if record is None else await PlanningSituation.of(work, record)
