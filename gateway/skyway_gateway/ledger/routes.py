@@ -43,15 +43,16 @@ def ledger_routes(context: Context) -> ServiceRouter:
         Callers: customer, provider, operator.
         """
         caller.must_be("customer", "provider", "operator")
+        month = query.month_at(context.clock.now())
         async with context.db.read() as connection:
-            found = await store.statements_page(connection, query.seen_by(caller))
+            found = await store.statements_page(connection, query.seen_by(caller), month=month)
         page = page_of(
             found,
             query,
             item=lambda each: each,
             sort_key=lambda each: (each.role, each.party_id, each.currency),
         )
-        return statements_page(page, query.month) if prefers(_HTML, request) else page
+        return statements_page(page, month) if prefers(_HTML, request) else page
 
     @router.get(f"{_PATH}/lines")
     async def list_statement_lines(
@@ -64,8 +65,9 @@ def ledger_routes(context: Context) -> ServiceRouter:
         Callers: customer, provider, operator.
         """
         caller.must_be("customer", "provider", "operator")
+        month = query.month_at(context.clock.now())
         async with context.db.read() as connection:
-            found = await store.lines_page(connection, query.seen_by(caller))
+            found = await store.lines_page(connection, query.seen_by(caller), month=month)
         return page_of(
             found, query, item=lambda it: it, sort_key=lambda it: (it.mission_id, it.number)
         )
