@@ -3,6 +3,7 @@
 from typing import Annotated, Any, Final
 
 from fastapi import Query, Request, Response
+from fastapi.responses import HTMLResponse
 
 from skyway.runtime.http.answers import NOT_FOUND, IdempotencyKey, keyed_call, response_of
 from skyway.runtime.http.csv_answers import prefers
@@ -15,7 +16,7 @@ from skyway_gateway.context import Context
 from skyway_gateway.ledger import store
 from skyway_gateway.ledger.correct import correct
 from skyway_gateway.ledger.line import LedgerLine
-from skyway_gateway.ledger.page import statements_page
+from skyway_gateway.ledger.page import PAGE_HEADERS, statements_html
 from skyway_gateway.ledger.statement import Correction, LineQuery, Statement, StatementQuery
 
 _HTML: Final = "text/html"
@@ -52,7 +53,9 @@ def ledger_routes(context: Context) -> ServiceRouter:
             item=lambda each: each,
             sort_key=lambda each: (each.role, each.party_id, each.currency),
         )
-        return statements_page(page, month) if prefers(_HTML, request) else page
+        if prefers(_HTML, request):
+            return HTMLResponse(statements_html(page, month), headers=PAGE_HEADERS)
+        return page
 
     @router.get(f"{_PATH}/lines")
     async def list_statement_lines(

@@ -42,15 +42,15 @@ async def test_customers_pay_what_providers_get(gateway_on_both: Gateway) -> Non
 async def test_each_party_sees_only_its_own(gateway: Gateway) -> None:
     await delivered(gateway)
 
-    everybody = {"role": "provider", "party_id": "alice"}
+    others = {"role": "provider", "party_id": "alice"}
     for who, expected in (
         (gateway.customer, ["alice"]),
         (gateway.other, []),
         (gateway.provider, ["prv_1"]),
     ):
-        found = await asked(gateway, who=who, **everybody)
+        found = await asked(gateway, who=who, **others)
         assert [each["party_id"] for each in found] == expected
-        lines = await asked(gateway, "/lines", who=who, **everybody)
+        lines = await asked(gateway, "/lines", who=who, **others)
         assert len(lines) == 2 * len(expected)
 
 
