@@ -4,8 +4,6 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from typing import Final
 
-from fastapi.responses import HTMLResponse
-
 from skyway.runtime.http.paging import Page
 from skyway_gateway.ledger.statement import Statement
 
@@ -21,7 +19,7 @@ tr:last-child > * { font-weight: bold; border-bottom: 2px solid; }
 """
 
 #: The style above is the only thing that the page may use.
-_HEADERS: Final = {
+PAGE_HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'",
     "Referrer-Policy": "no-referrer",
@@ -30,15 +28,14 @@ _HEADERS: Final = {
 }
 
 
-def statements_page(page: Page[Statement], month: str) -> HTMLResponse:
+def statements_html(page: Page[Statement], month: str) -> str:
     """The statements of a page of the list, each with a table."""
     sections = "".join(_section(each) for each in page.items) or "<p>No lines in this month.</p>"
     more = "<p>There are more statements: ask for one party.</p>" if page.next_cursor else ""
     title = f"Statements {escape(month)}"
-    return HTMLResponse(
+    return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
-        f"<style>{_STYLE}</style><h1>{title}</h1>{sections}{more}</html>",
-        headers=_HEADERS,
+        f"<style>{_STYLE}</style><h1>{title}</h1>{sections}{more}</html>"
     )
 
 

@@ -3,6 +3,7 @@
 from typing import Annotated, Any, Final
 
 from fastapi import Query, Request, Response
+from fastapi.responses import HTMLResponse
 
 from skyway.runtime.http.answers import NOT_FOUND, IdempotencyKey, keyed_call, response_of
 from skyway.runtime.http.csv_answers import prefers
@@ -15,7 +16,7 @@ from skyway_gateway.context import Context
 from skyway_gateway.ledger import store
 from skyway_gateway.ledger.correct import correct
 from skyway_gateway.ledger.line import LedgerLine
-from skyway_gateway.ledger.page import statements_page
+from skyway_gateway.ledger.page import PAGE_HEADERS, statements_html
 from skyway_gateway.ledger.statement import Correction, LineQuery, Statement, StatementQuery
 
 _HTML: Final = "text/html"
@@ -43,15 +44,18 @@ def ledger_routes(context: Context) -> ServiceRouter:
         Callers: customer, provider, operator.
         """
         caller.must_be("customer", "provider", "operator")
+        month = query.month_at(context.clock.now())
         async with context.db.read() as connection:
-            found = await store.statements_page(connection, query.seen_by(caller))
+            found = await store.statements_page(connection, query.seen_by(caller), month=month)
         page = page_of(
             found,
             query,
             item=lambda each: each,
             sort_key=lambda each: (each.role, each.party_id, each.currency),
         )
-        return statements_page(page, query.month) if prefers(_HTML, request) else page
+        if prefers(_HTML, request):
+            return HTMLResponse(statements_html(page, month), headers=PAGE_HEADERS)
+        return page
 
     @router.get(f"{_PATH}/lines")
     async def list_statement_lines(
@@ -64,8 +68,9 @@ def ledger_routes(context: Context) -> ServiceRouter:
         Callers: customer, provider, operator.
         """
         caller.must_be("customer", "provider", "operator")
+        month = query.month_at(context.clock.now())
         async with context.db.read() as connection:
-            found = await store.lines_page(connection, query.seen_by(caller))
+            found = await store.lines_page(connection, query.seen_by(caller), month=month)
         return page_of(
             found, query, item=lambda it: it, sort_key=lambda it: (it.mission_id, it.number)
         )

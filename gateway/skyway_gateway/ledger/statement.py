@@ -1,5 +1,6 @@
 """A statement: the sum of a party's lines of the ledger in a month, in one currency."""
 
+from datetime import datetime
 from typing import Annotated, Literal, Self
 
 from pydantic import Field
@@ -11,6 +12,7 @@ from skyway.ids import DeliveryId, SubjectId
 from skyway.json_model import JsonModel
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
+from skyway_gateway.ledger.line import month_of
 
 PartyRole = Literal["customer", "provider"]
 
@@ -20,7 +22,9 @@ _Amount = Annotated[int, Field(description="Minor units of the currency.")]
 class StatementQuery(PageQuery):
     """The query of statements: a month, and whose; callers see only their own."""
 
-    month: Month
+    month: Annotated[Month | None, Field(description="The month; without it, the present one.")] = (
+        None
+    )
     role: Annotated[
         PartyRole | None, Field(description="Only statements of customers, or of providers.")
     ] = None
@@ -34,6 +38,10 @@ class StatementQuery(PageQuery):
             return self
         own = {"role": caller.role, "party_id": caller.subject_id}
         return self.model_copy(update=own)
+
+    def month_at(self, moment: datetime) -> str:
+        """The month that is asked for at this moment of fleet time."""
+        return self.month or month_of(moment)
 
 
 class LineQuery(StatementQuery):

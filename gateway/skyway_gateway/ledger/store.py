@@ -59,9 +59,11 @@ def _line_of(row: AnyRow) -> LedgerLine:
     return LedgerLine(**values, at=at)
 
 
-async def lines_page(connection: AsyncConnection, query: LineQuery) -> Sequence[LedgerLine]:
-    """Up to limit + 1 lines, by mission and number."""
-    statement = select(ledger).where(ledger.c.month == query.month)
+async def lines_page(
+    connection: AsyncConnection, query: LineQuery, *, month: str
+) -> Sequence[LedgerLine]:
+    """Up to limit + 1 lines of a month, by mission and number."""
+    statement = select(ledger).where(ledger.c.month == month)
     columns = _PARTIES.values() if query.role is None else [_PARTIES[query.role]]
     if query.party_id is not None:
         statement = statement.where(or_(*(column == query.party_id for column in columns)))
@@ -113,15 +115,13 @@ def sums_of(
 
 
 async def statements_page(
-    connection: AsyncConnection, query: StatementQuery
+    connection: AsyncConnection, query: StatementQuery, *, month: str
 ) -> Sequence[Statement]:
     """Up to limit + 1 statements of a month, by role, party and currency."""
-    found = sums_of(query.month, role=query.role, party_id=query.party_id).subquery()
+    found = sums_of(month, role=query.role, party_id=query.party_id).subquery()
     key = (found.c.role, found.c.party_id, found.c.currency)
     closed_ms = (
-        select(closed_months.c.closed_ms)
-        .where(closed_months.c.month == query.month)
-        .scalar_subquery()
+        select(closed_months.c.closed_ms).where(closed_months.c.month == month).scalar_subquery()
     )
     statement = select(found, closed_ms.label("closed_ms"))
     if (after := query.after(str, str, str)) is not None:

@@ -104,13 +104,17 @@ class Month:
         queued = QueuedDelivery(StoredDelivery(accepted), Position(0, 0), self.clock.now())
         async with self.db.write() as tx:
             self.writer.add(tx, queued, (), claim=FREE)
-        mission = self._mission(number, request, is_second_half=is_second_half)
+        late = timedelta(minutes=self.chance.uniform(1, 120) if outcome == "late" else 0)
+        due_at = self.clock.now() - late
+        mission = self._mission(number, request, due_at=due_at, is_second_half=is_second_half)
         await self._change(
             delivery_id, lambda now: after_booking(now, [mission], at=self.clock.now())
         )
         await self._fly(mission, outcome)
 
-    def _mission(self, number: int, request: DeliveryRequest, *, is_second_half: bool) -> Mission:
+    def _mission(
+        self, number: int, request: DeliveryRequest, *, due_at: datetime, is_second_half: bool
+    ) -> Mission:
         provider = self.chance.randrange(5)
         tariff = tariff_of(provider, is_second_half=is_second_half)
         distance_m = self.chance.uniform(1_000, 40_000)
@@ -134,8 +138,7 @@ class Month:
             ),
             payment_terms=tariff.payment_terms,
             packages=tuple(
-                PackageEta(package_id=each.package_id, eta_at=self.clock.now())
-                for each in request.packages
+                PackageEta(package_id=each.package_id, eta_at=due_at) for each in request.packages
             ),
             plan=Plan(status=PlanStatus.OPTIMAL, delivery_time_s=0.0),
             pickup_station_id="a",
@@ -155,8 +158,6 @@ class Month:
             await report("DELIVERED", 2, package_ids=both[:1])
             await report("ENDED", 3, mission_state="ABORTED", code="BATTERY")
         else:
-            if outcome == "late":
-                self.clock.advance(timedelta(minutes=self.chance.uniform(1, 120)))
             await report("DELIVERED", 2, package_ids=both)
 
     async def _cancel(self, mission: Mission, done: Cancellation) -> None:
@@ -237,7 +238,7 @@ async def play(url: str, *, deliveries: int, seed: int) -> Sums:
         month = Month(db, clock, writer, chance)
         for number in range(deliveries):
             begin = _START + number * (timedelta(days=30) / deliveries)
-            clock.advance(max(begin - clock.now(), timedelta(0)))
+            clock.advance(begin - clock.now())
             [outcome] = chance.choices(_OUTCOMES, _SHARES)
             is_second_half = number * 2 >= deliveries
             await month.deliver(number, outcome=outcome, is_second_half=is_second_half)
@@ -248,16 +249,16 @@ async def _closed_sums(month: Month) -> Sums:
     clock = month.clock
     clock.advance(datetime(2026, 4, 5, tzinfo=UTC) - clock.now())
     await MonthClosing(month.db, clock, mint, Wake()).step()
-    query = StatementQuery(month=_MONTH, limit=200)
+    query = StatementQuery(limit=200)
     async with month.db.read() as connection:
-        closed = await statements_page(connection, query)
+        closed = await statements_page(connection, query, month=_MONTH)
         by_currency = select(missions.c.currency, func.sum(missions.c.charged_amount))
         charged = await connection.execute(by_currency.group_by(missions.c.currency))
         charges = {currency: int(amount) for currency, amount in charged}
     async with month.db.write() as tx:
         await correct(tx, Correction(mission_id="msn_000000", amount=1, note="a test"), clock)
     async with month.db.read() as connection:
-        after = await statements_page(connection, query)
+        after = await statements_page(connection, query, month=_MONTH)
     found = await check(
         {"gateway": Checked(month.db, LEDGER)}, wall_at=clock.wall_now(), fleet_at=clock.now()
     )

@@ -261,6 +261,7 @@ def test_each_call_that_changes_something_is_known_to_leave_a_right_or_none() ->
         "PATCH /v1/providers/{provider_id}/drones/{drone_id}",
         "PUT /v1/providers/{provider_id}/drones/{drone_id}/battery",
         "POST /v1/sessions",
+        "POST /v1/statements/lines",
         "POST /v1/webhooks/{webhook_id}/replay",
         "POST /v1/webhooks/{webhook_id}/test",
     }

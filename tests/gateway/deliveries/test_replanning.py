@@ -68,19 +68,22 @@ async def test_the_price_falls_when_the_drone_has_loaded_for_others_too(
     alone = (await gateway.http.get(f"{page}/state")).json()
     before = (await gateway.get(delivery_id))["price"]
     mission = gateway.composition.booked[delivery_id, 1]
-    pooled = Price(amount=before["amount"] // 2, currency=before["currency"])
+    pooled = Price.model_validate(before).plus("POOLED", -(before["amount"] // 2))
     loaded = mission.model_copy(update={"is_pooled": True, "price": pooled})
     await gateway.report(delivery_id, "ACCEPTED", seq=1)
     await gateway.report(delivery_id, "LOADING", seq=2)
     await gateway.report(delivery_id, "LOADED", seq=3, mission=loaded)
 
     delivery = await gateway.get(delivery_id)
-    assert delivery["price"] == pooled.model_dump()
+    assert delivery["price"] == pooled.model_dump(mode="json")
     assert delivery["missions"][0]["is_pooled"]
     event = next(
         each for each in await gateway.events(delivery_id) if each["type"] == "delivery.loaded"
     )
-    assert (event["data"]["is_pooled"], event["data"]["price"]) == (True, pooled.model_dump())
+    assert (event["data"]["is_pooled"], event["data"]["price"]) == (
+        True,
+        pooled.model_dump(mode="json"),
+    )
     shared = (await gateway.http.get(f"{page}/state")).json()
     assert (alone["is_shared"], shared["is_shared"]) == (False, True)
     assert await broken_rules(gateway.parts.db, RULES, wall_at=gateway.clock.wall_now()) == []

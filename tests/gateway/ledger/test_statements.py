@@ -42,15 +42,15 @@ async def test_customers_pay_what_providers_get(gateway_on_both: Gateway) -> Non
 async def test_each_party_sees_only_its_own(gateway: Gateway) -> None:
     await delivered(gateway)
 
-    everybody = {"role": "provider", "party_id": "alice"}
+    others = {"role": "provider", "party_id": "alice"}
     for who, expected in (
         (gateway.customer, ["alice"]),
         (gateway.other, []),
         (gateway.provider, ["prv_1"]),
     ):
-        found = await asked(gateway, who=who, **everybody)
+        found = await asked(gateway, who=who, **others)
         assert [each["party_id"] for each in found] == expected
-        lines = await asked(gateway, "/lines", who=who, **everybody)
+        lines = await asked(gateway, "/lines", who=who, **others)
         assert len(lines) == 2 * len(expected)
 
 
@@ -81,13 +81,20 @@ async def test_pages_of_statements_and_lines_follow_one_another(gateway_on_both:
 
 
 @pytest.mark.parametrize(
-    "query", ["", "?month=2026-13", "?month=2026-3", "?month=march", "?month=2026-03&role=operator"]
+    "query", ["?month=2026-13", "?month=2026-3", "?month=march", "?month=2026-03&role=operator"]
 )
 async def test_a_bad_month_or_role_is_refused(gateway: Gateway, query: str) -> None:
     answer = await gateway.http.get(f"/v1/statements{query}", headers=gateway.operator)
 
     assert answer.status_code == 422
     assert answer.json()["errors"][0]["field"] in ("month", "role")
+
+
+async def test_without_a_month_the_present_one_is_shown(gateway: Gateway) -> None:
+    await delivered(gateway)
+    answer = await gateway.http.get("/v1/statements", headers=gateway.customer)
+
+    assert [each["month"] for each in answer.json()["items"]] == [MONTH]
 
 
 async def test_a_month_is_closed_three_days_after_its_end_and_once(

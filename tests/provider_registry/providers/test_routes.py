@@ -6,6 +6,7 @@ import pytest
 
 from skyway.contracts.candidate import Standby
 
+PAYMENT_TERMS = {"cancellation": {"until_loaded": 0.0, "in_flight": 1.0}, "late": []}
 TARIFF = {
     "currency": "USD",
     "base": 300,
@@ -26,7 +27,12 @@ async def test_a_registered_provider_reads_like_the_answer(api: Any) -> None:
     assert read.json() == made.json()
     assert made.json() == {
         **body,
-        "tariff": {**TARIFF, "priority_factor": 1.5, "pooled_factor": 1.0},
+        "tariff": {
+            **TARIFF,
+            "priority_factor": 1.5,
+            "pooled_factor": 1.0,
+            "payment_terms": PAYMENT_TERMS,
+        },
         "provider_id": "prv_000001",
         "state": "ACTIVE",
         "loading": "AUTOMATIC",
@@ -173,8 +179,10 @@ OTHER_TARIFF = {
     "minimum": 600,
     "priority_factor": 2.0,
     "pooled_factor": 0.5,
+    "payment_terms": PAYMENT_TERMS,
 }
-CHANGED_TARIFF = dict.fromkeys(OTHER_TARIFF, 1) | {"currency": "USD"}
+LATE = {**PAYMENT_TERMS, "late": [{"after_min": 15, "share": 0.1}]}
+CHANGED_TARIFF = dict.fromkeys(OTHER_TARIFF, 1) | {"currency": "USD", "payment_terms": LATE}
 
 
 @pytest.mark.parametrize("name", OTHER_TARIFF)

@@ -22,7 +22,8 @@ async def test_a_request_becomes_a_planned_delivery(gateway_on_both: Gateway) ->
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "PLANNED"
     assert delivery["provider_id"] == "prv_1"
-    assert delivery["price"] == {"amount": 1234, "currency": "USD"}
+    items = [{"kind": "BASE", "amount": 1234}]
+    assert delivery["price"] == {"amount": 1234, "currency": "USD", "line_items": items}
     assert [mission["drone_id"] for mission in delivery["missions"]] == ["drn_1"]
     assert all(package["eta_at"] == package["promised_at"] for package in delivery["packages"])
     requested, planned = await gateway.events(delivery_id)
