@@ -63,7 +63,7 @@ def _run_generator(folder: Path) -> None:
 
 
 def only_answers(document: Json) -> Json:
-    """The document without problems, which are raised, and event streams, which are iterated."""
+    """The document without problems, which are raised, event streams, and other forms than JSON."""
     kept = json.loads(json.dumps(document))
     kept.pop("webhooks", None)
     for operations in kept["paths"].values():
@@ -77,6 +77,9 @@ def only_answers(document: Json) -> Json:
                 del operations[method]
             else:
                 operations[method]["responses"] = answers
+            for answer in answers.values():
+                if json_form := answer.get("content", {}).get("application/json"):
+                    answer["content"] = {"application/json": json_form}
     return kept
 
 

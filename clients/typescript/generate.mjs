@@ -1,8 +1,20 @@
-// Writes src/problems.ts: what follows from the OpenAPI document besides its types.
+// Writes what openapi-typescript reads, and src/problems.ts: what follows from the OpenAPI document
+// besides its types.
 
-import { readFileSync, writeFileSync } from 'node:fs'
+import { mkdirSync, readFileSync, writeFileSync } from 'node:fs'
 
 const document = JSON.parse(readFileSync(new URL('../../openapi/gateway.json', import.meta.url), 'utf8'))
+
+// The client reads JSON: an answer that is a list is no text in CSV.
+const answers = structuredClone(document)
+for (const operations of Object.values(answers.paths))
+  for (const { responses = {} } of Object.values(operations))
+    for (const answer of Object.values(responses)) {
+      const json = answer.content?.['application/json']
+      if (json) answer.content = { 'application/json': json }
+    }
+mkdirSync(new URL('build/', import.meta.url), { recursive: true })
+writeFileSync(new URL('build/answers.json', import.meta.url), JSON.stringify(answers))
 
 /** All examples of problem documents. */
 function* problems(part) {

@@ -53,7 +53,7 @@ class DeliveryRequestedEvent(_Event):
 class DeliveryChangedEvent(_Event):
     """The customer has changed what it said about a delivery."""
 
-    type: Annotated[Literal["delivery.changed"], _About] = "delivery.changed"
+    type: Annotated[Literal["delivery.changed"], _About]
     data: Annotated[ChangedData, _Data]
 
 

@@ -1,4 +1,4 @@
-"""A shop's day with `skyway_client`: quote, accept, follow, webhook verified, list, problem.
+"""A shop's day with `skyway_client`: quote, accept, change, follow, webhook, list, statement.
 
 The arguments are read in `main`. The system has a network and drones that can fly it.
 """
@@ -11,16 +11,23 @@ from typing import ClassVar
 
 import pytest
 from skyway_client import AsyncSkyway, NotVerified, Skyway, problems, read_notification
-from skyway_client.api.deliveries import create_delivery, get_delivery, list_deliveries
+from skyway_client.api.deliveries import (
+    change_delivery,
+    create_delivery,
+    get_delivery,
+    list_deliveries,
+)
 from skyway_client.api.quotes import create_quote
+from skyway_client.api.statements import list_statements
 from skyway_client.api.webhooks import create_webhook
 from skyway_client.delivery_events import DeliveryEvent
 from skyway_client.models import (
+    CustomerPackage,
+    CustomerPlace,
+    DeliveryChange,
     DeliveryCompletedEvent,
     NewWebhook,
     OfferChoice,
-    Package,
-    Place,
     QuoteRequest,
     RequestedDelivery,
 )
@@ -51,14 +58,24 @@ class Shop(BaseHTTPRequestHandler):
 
 def order(skyway: Skyway, start: str, end: str) -> RequestedDelivery:
     """Ask for offers, and accept the best one."""
-    package = Package(package_id="p1", mass_kg=0.8, destination=Place(station_id=end))
-    request = QuoteRequest(pickup=Place(station_id=start), packages=[package])
+    destination = CustomerPlace(station_id=end)
+    package = CustomerPackage(package_id="p1", mass_kg=0.8, destination=destination)
+    request = QuoteRequest(pickup=CustomerPlace(station_id=start), packages=[package])
     quote = skyway.send(create_quote(body=request))
     choice = OfferChoice(quote_id=quote.quote_id, offer_id=quote.offers[0].offer_id)
     delivery = skyway.send(create_delivery(body=choice))
     with pytest.raises(problems.QuoteTaken):
         skyway.send(create_delivery(body=choice))
+    change = DeliveryChange(instructions="leave it at the door")
+    changed = skyway.send(change_delivery(delivery.delivery_id, body=change))
+    assert changed.instructions == change.instructions
     return delivery
+
+
+def spent(skyway: Skyway, event: DeliveryEvent) -> int:
+    """What the customer has to pay in the month of an event, in minor units."""
+    month = f"{event.occurred_at:%Y-%m}"
+    return sum(each.amount for each in skyway.each(list_statements(month=month)))
 
 
 async def look_back(url: str, key: str, delivery_id: str) -> list[DeliveryEvent]:
@@ -82,6 +99,7 @@ def main() -> None:
         assert [event.sequence for event in events] == list(range(1, len(events) + 1))
         done = skyway.send(get_delivery(delivery.delivery_id))
         assert Shop.has_last.wait(LONGEST_WAIT_S)
+        assert spent(skyway, events[-1]) > 0
     server.shutdown()
     assert asyncio.run(look_back(url, key, delivery.delivery_id)) == events
     assert Shop.received == [event.type_ for event in events]

@@ -1,4 +1,4 @@
-// A shop's day with `@skyway/client`: quote, accept, follow, webhook verified, list, problem.
+// A shop's day with `@skyway/client`: quote, accept, change, follow, webhook, list, statement.
 // The arguments are the gateway's URL, a customer's key, the pickup and the destination. The system
 // has a network and drones that can fly it.
 
@@ -37,10 +37,19 @@ const offer_id = quote.offers[0]?.offer_id ?? ''
 const choice = { body: { quote_id: quote.quote_id, offer_id } }
 const { delivery_id } = await answer(skyway.api.POST('/v1/deliveries', choice))
 await assert.rejects(skyway.api.POST('/v1/deliveries', choice), problems.QuoteTaken)
+const instructions = 'leave it at the door'
+const path = { delivery_id }
+const change = { params: { path }, body: { instructions } }
+const changed = await answer(skyway.api.PATCH('/v1/deliveries/{delivery_id}', change))
+assert.equal(changed.instructions, instructions)
 
-// It follows the delivery, and finds it in the list.
+// It follows the delivery, finds it in the list, and has to pay for it.
 const events: string[] = []
-for await (const event of skyway.events(delivery_id)) events.push(event.type)
+let month = ''
+for await (const event of skyway.events(delivery_id)) {
+  events.push(event.type)
+  month = event.occurred_at.slice(0, 7)
+}
 await isCompleted
 assert.deepEqual(received, events)
 assert.throws(() => readNotification(secret, { 'webhook-signature': 'v1,AA==' }, '{}'))
@@ -48,6 +57,11 @@ const list = (cursor: string | null) =>
   answer(skyway.api.GET('/v1/deliveries', { params: { query: { cursor, limit: 1 } } }))
 const states = new Map<string, string>()
 for await (const delivery of each(list)) states.set(delivery.delivery_id, delivery.state)
+const statements = (cursor: string | null) =>
+  answer(skyway.api.GET('/v1/statements', { params: { query: { cursor, month } } }))
+let spent = 0
+for await (const { amount } of each(statements)) spent += amount
+assert(spent > 0)
 console.log(states.get(delivery_id))
 server.close()
 server.closeAllConnections()
