@@ -9,6 +9,7 @@ from typing import Any, Final
 #: An example by the name of its property, wherever it fits the property's type. Any: any JSON.
 BY_NAME: Final[Mapping[str, Any]] = {
     # Names and ids.
+    "month": "2026-03",
     "battery_id": "bat_01kq3w8x5v9m2n4p6r7s8t9v0w",
     "alarm_id": "alm_01kq3w8x5v9m2n4p6r7s8t9v0w",
     "attempt_id": "att_01kq3w8x5v9m2n4p6r7s8t9v0w",
