@@ -2,9 +2,11 @@
 
 from typing import Any, ClassVar, Final, Generic, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
 from pydantic_core import CoreSchema, PydanticCustomError
 from pydantic_core.core_schema import no_info_before_validator_function
+
+from skyway.errors import InvalidInput
 
 #: The validation of a longer list ends at its first wrong item: faults cost time, too.
 _ALL_FAULTS_OF: Final = 100
@@ -71,13 +73,28 @@ class JsonModel(BaseModel):
         return schema
 
     def merged(self, changes: "JsonModel") -> Self:
-        """The value with the members that `changes` gives, inside of its objects too (RFC 7396)."""
+        """The value with the members that `changes` gives, inside of its objects too (RFC 7396).
+
+        Raises
+        ------
+        InvalidInput
+            Members that are changed do not fit those that stay.
+        """
         given = {name: getattr(changes, name) for name in changes.model_fields_set}
         for name, value in given.items():
             before = getattr(self, name, None)
             if isinstance(value, JsonModel) and isinstance(before, JsonModel):
-                given[name] = before.merged(value)
-        return self.model_validate({**dict(self), **given})
+                try:
+                    given[name] = before.merged(value)
+                except InvalidInput as fault:
+                    field = f"{name}.{fault.field}".rstrip(".")
+                    raise InvalidInput(field, fault.detail) from fault
+        try:
+            return self.model_validate({**dict(self), **given})
+        except ValidationError as error:
+            first = error.errors()[0]
+            field = ".".join(map(str, first["loc"]))
+            raise InvalidInput(field, first["msg"].removeprefix("Value error, ")) from error
 
     @classmethod
     def read(cls, raw: bytes | str) -> Self:

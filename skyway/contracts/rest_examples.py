@@ -12,6 +12,7 @@ BY_NAME: Final[Mapping[str, Any]] = {
     "dangerous_class": "6.2",
     "dangerous_classes": ["6.2"],
     # Names and ids.
+    "month": "2026-03",
     "battery_id": "bat_01kq3w8x5v9m2n4p6r7s8t9v0w",
     "alarm_id": "alm_01kq3w8x5v9m2n4p6r7s8t9v0w",
     "attempt_id": "att_01kq3w8x5v9m2n4p6r7s8t9v0w",

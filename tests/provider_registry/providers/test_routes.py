@@ -198,6 +198,23 @@ async def test_a_change_of_one_member_of_a_tariff_keeps_all_others(api: Any, nam
     assert (await api("operator:op", "GET", path)).json() == answer.json()
 
 
+async def test_a_change_within_payment_terms_keeps_their_other_members(api: Any) -> None:
+    terms = {"cancellation": {"until_loaded": 0.2, "in_flight": 0.5}, "late": LATE["late"]}
+    path = f"/v1/providers/{await api.provider(tariff={**OTHER_TARIFF, 'payment_terms': terms})}"
+
+    async def changed(cancellation: dict[str, float]) -> Any:
+        change = {"tariff": {"payment_terms": {"cancellation": cancellation}}}
+        return await api("operator:op", "PATCH", path, change)
+
+    lower, higher = await changed({"in_flight": 0.4}), await changed({"until_loaded": 0.45})
+
+    cancellation = {"until_loaded": 0.2, "in_flight": 0.4}
+    assert lower.json()["tariff"]["payment_terms"] == {**terms, "cancellation": cancellation}
+    [error] = higher.json()["errors"]
+    assert (higher.status_code, error["field"]) == (422, "tariff.payment_terms.cancellation")
+    assert "in_flight 0.4 must not be below until_loaded 0.45" in error["detail"]
+
+
 async def test_a_tariff_or_a_member_of_it_cannot_be_null(api: Any) -> None:
     path = f"/v1/providers/{await api.provider(tariff=OTHER_TARIFF)}"
 

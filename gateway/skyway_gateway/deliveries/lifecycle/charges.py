@@ -59,10 +59,10 @@ def charge_of(
     price = mission.price.plus("FAILURE", -failure)
     if delivered:
         shares = (terms.late_share(_later(each, host_delay)) for each in delivered)
-        return price.plus("LATENESS", -int(amount * sum(shares) / len(packages)))
+        return price.plus("LATENESS", -round(amount * sum(shares) / len(packages)))
     has_flown = any(each.state != "CANCELLED" for each in by_customer)
     share = terms.cancellation.in_flight if has_flown else terms.cancellation.until_loaded
-    return price.plus("CANCELLATION", -int((amount - failure) * (1 - share)))
+    return price.plus("CANCELLATION", round((amount - failure) * share) - (amount - failure))
 
 
 def _is_by_customer(package: PackageStatus) -> bool:
