@@ -3,6 +3,7 @@
 The answer is `skyway.contracts.shortlist.Candidates`.
 """
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
@@ -10,6 +11,8 @@ from pydantic import Field
 from skyway.contracts.message import FleetMoment, Soc
 from skyway.delivery.offer import Tariff
 from skyway.delivery.qos import ProviderChoice
+from skyway.delivery.request import Package
+from skyway.drone.cargo import CargoNeeds
 from skyway.drone.learned_values import AS_MODELLED, LearnedValues, model_as_learned
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
@@ -34,6 +37,24 @@ Loading = Literal["AUTOMATIC", "CONFIRMED"]
 Standby = Literal["HOME", "STAY", "PARKING", "NEXT_PICKUP"]
 
 
+class CargoPackage(CargoNeeds, WireModel):
+    """A package of a request in which some package needs more than lift."""
+
+    package_id: PackageId
+    mass_kg: Annotated[float, Field(ge=0, description="Mass in kilograms.")]
+
+
+def cargo_of(packages: Iterable[Package]) -> tuple[CargoPackage, ...]:
+    """The packages, if some package needs more than lift; else nothing."""
+    listed = tuple(packages)
+    if not any(package.needs_cargo_check for package in listed):
+        return ()
+    return tuple(
+        CargoPackage(**{name: getattr(package, name) for name in CargoPackage.model_fields})
+        for package in listed
+    )
+
+
 class CandidateQuery(WireModel):
     """What must be carried from where, which providers may serve, and which drones have refused.
 
@@ -49,6 +70,13 @@ class CandidateQuery(WireModel):
     heaviest_kg: Annotated[
         float, Field(ge=0, description="The mass of the heaviest package, in kilograms.")
     ] = 0.0
+    packages: Annotated[
+        tuple[CargoPackage, ...],
+        Field(
+            exclude_if=lambda value: not value,
+            description="All packages, if some package needs more than lift; else empty.",
+        ),
+    ] = ()
     providers: Annotated[ProviderChoice, Field(description="Which providers may serve.")]
     excluded_drone_ids: Annotated[
         tuple[DroneId, ...], Field(description="Drones that refused before.")
@@ -105,6 +133,8 @@ ProviderReasonCode = Literal[
     "NOT_COMPARED",
     "NO_DRONES",
     "OVERWEIGHT",
+    "TOO_LARGE",
+    "HANDLING",
     "BUSY",
     "OFFLINE",
     "REFUSED",

@@ -46,7 +46,7 @@ _Data = Field(description="What the event says.")
 class DeliveryRequestedEvent(_Event):
     """A delivery was requested."""
 
-    type: Annotated[Literal["delivery.requested"], _About] = "delivery.requested"
+    type: Annotated[Literal["delivery.requested"], _About]
     data: Annotated[RequestedData, _Data]
 
 
@@ -60,114 +60,112 @@ class DeliveryChangedEvent(_Event):
 class DeliveryScheduledEvent(_Event):
     """The pickup is far ahead: the delivery waits until its drone may be booked."""
 
-    type: Annotated[Literal["delivery.scheduled"], _About] = "delivery.scheduled"
+    type: Annotated[Literal["delivery.scheduled"], _About]
     data: Annotated[ScheduledData, _Data]
 
 
 class DeliveryPlannedEvent(_Event):
     """Drones and pads were booked for packages of a delivery."""
 
-    type: Annotated[Literal["delivery.planned"], _About] = "delivery.planned"
+    type: Annotated[Literal["delivery.planned"], _About]
     data: Annotated[PlannedData, _Data]
 
 
 class DeliveryDispatchedEvent(_Event):
     """A drone accepted a mission of a delivery."""
 
-    type: Annotated[Literal["delivery.dispatched"], _About] = "delivery.dispatched"
+    type: Annotated[Literal["delivery.dispatched"], _About]
     data: Annotated[DispatchedData, _Data]
 
 
 class DeliveryLoadedEvent(_Event):
     """Packages are on board."""
 
-    type: Annotated[Literal["delivery.loaded"], _About] = "delivery.loaded"
+    type: Annotated[Literal["delivery.loaded"], _About]
     data: Annotated[LoadedData, _Data]
 
 
 class DeliveryStartedEvent(_Event):
     """The first drone of a delivery has its packages on board."""
 
-    type: Annotated[Literal["delivery.started"], _About] = "delivery.started"
+    type: Annotated[Literal["delivery.started"], _About]
     data: Annotated[StartedData, _Data]
 
 
 class DeliveryDelayedEvent(_Event):
     """Packages come after their `due_at`."""
 
-    type: Annotated[Literal["delivery.delayed"], _About] = "delivery.delayed"
+    type: Annotated[Literal["delivery.delayed"], _About]
     data: Annotated[DelayedData, _Data]
 
 
 class DeliveryReplannedEvent(_Event):
     """A drone has a new plan."""
 
-    type: Annotated[Literal["delivery.replanned"], _About] = "delivery.replanned"
+    type: Annotated[Literal["delivery.replanned"], _About]
     data: Annotated[ReplannedData, _Data]
 
 
 class DeliveryCompletedEvent(_Event):
     """All packages were handed over."""
 
-    type: Annotated[Literal["delivery.completed"], _About] = "delivery.completed"
+    type: Annotated[Literal["delivery.completed"], _About]
     data: Annotated[CompletedData, _Data]
 
 
 class DeliveryPartiallyCompletedEvent(_Event):
     """Some packages were handed over, the others will not be."""
 
-    type: Annotated[Literal["delivery.partially_completed"], _About] = (
-        "delivery.partially_completed"
-    )
+    type: Annotated[Literal["delivery.partially_completed"], _About]
     data: Annotated[EndedData, _Data]
 
 
 class DeliveryFailedEvent(_Event):
     """No package was handed over."""
 
-    type: Annotated[Literal["delivery.failed"], _About] = "delivery.failed"
+    type: Annotated[Literal["delivery.failed"], _About]
     data: Annotated[EndedData, _Data]
 
 
 class DeliveryRejectedEvent(_Event):
     """No provider can fly the delivery."""
 
-    type: Annotated[Literal["delivery.rejected"], _About] = "delivery.rejected"
+    type: Annotated[Literal["delivery.rejected"], _About]
     data: Annotated[RejectedData, _Data]
 
 
 class DeliveryCancelledEvent(_Event):
     """The customer cancelled the delivery."""
 
-    type: Annotated[Literal["delivery.cancelled"], _About] = "delivery.cancelled"
+    type: Annotated[Literal["delivery.cancelled"], _About]
     data: Annotated[EndedData, _Data]
 
 
 class PackageDeliveredEvent(_Event):
     """A package was handed over."""
 
-    type: Annotated[Literal["package.delivered"], _About] = "package.delivered"
+    type: Annotated[Literal["package.delivered"], _About]
     data: Annotated[PackageDeliveredData, _Data]
 
 
 class PackageReturnedEvent(_Event):
     """A package is back at the pickup."""
 
-    type: Annotated[Literal["package.returned"], _About] = "package.returned"
+    type: Annotated[Literal["package.returned"], _About]
     data: Annotated[PackageReturnedData, _Data]
 
 
 class PackageStrandedEvent(_Event):
     """A package will not be delivered; a drone left it where it could land."""
 
-    type: Annotated[Literal["package.stranded"], _About] = "package.stranded"
+    type: Annotated[Literal["package.stranded"], _About]
     data: Annotated[PackageStrandedData, _Data]
 
 
 class PackageCancelledEvent(_Event):
     """A package was cancelled before it was loaded."""
 
-    type: Annotated[Literal["package.cancelled"], _About] = "package.cancelled"
+    type: Annotated[Literal["package.cancelled"], _About]
     data: Annotated[PackageCancelledData, _Data]
 
 

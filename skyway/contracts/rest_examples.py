@@ -8,6 +8,9 @@ from typing import Any, Final
 
 #: An example by the name of its property, wherever it fits the property's type. Any: any JSON.
 BY_NAME: Final[Mapping[str, Any]] = {
+    "handling": ["DANGEROUS"],
+    "dangerous_class": "6.2",
+    "dangerous_classes": ["6.2"],
     # Names and ids.
     "battery_id": "bat_01kq3w8x5v9m2n4p6r7s8t9v0w",
     "alarm_id": "alm_01kq3w8x5v9m2n4p6r7s8t9v0w",

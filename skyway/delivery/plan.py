@@ -125,6 +125,8 @@ class Infeasibility(JsonModel):
     code: Annotated[
         Literal[
             "OVERWEIGHT",
+            "TOO_LARGE",
+            "HANDLING",
             "DESTINATION_UNREACHABLE",
             "OUT_OF_RANGE",
             "NO_PAD_IN_TIME",

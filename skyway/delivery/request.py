@@ -8,6 +8,7 @@ from pydantic import Field, field_validator
 
 from skyway.bounds import Moment
 from skyway.delivery.qos import QoS
+from skyway.drone.cargo import CargoNeeds
 from skyway.ids import PackageId, StationId
 from skyway.json_model import JsonModel
 
@@ -30,7 +31,7 @@ class Place(JsonModel):
 PlaceT = TypeVar("PlaceT", bound=JsonModel)
 
 
-class PackageTo(JsonModel, Generic[PlaceT]):
+class PackageTo(CargoNeeds, Generic[PlaceT]):
     """A package whose places have this form."""
 
     package_id: PackageId
@@ -162,7 +163,12 @@ class DeliveryRequest(RequestFor[Place, Package]):
     @property
     def may_share_trip(self) -> bool:
         """Whether the packages may fly together with those of other deliveries."""
-        return self.qos.pooling and not self.has_windows and self.qos.deadline_at is None
+        return (
+            self.qos.pooling
+            and not self.has_windows
+            and self.qos.deadline_at is None
+            and not any(package.needs_cargo_check for package in self.packages)
+        )
 
     def begun_after_wait(self, asked_at: datetime) -> "DeliveryRequest":
         """The request that begins when it has waited for deliveries that share its trip."""

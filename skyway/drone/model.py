@@ -6,8 +6,8 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from skyway.drone.cargo import CargoBay
 from skyway.ids import ConnectorId, DroneModelId
-from skyway.json_model import JsonModel
 
 
 class ChargePoint(NamedTuple):
@@ -17,7 +17,7 @@ class ChargePoint(NamedTuple):
     soc: Annotated[float, Field(ge=0, le=1, strict=True)]
 
 
-class DroneAbilities(JsonModel):
+class DroneAbilities(CargoBay):
     """What a type of drone can do.
 
     Speed falls linearly from `speed_empty_mps` to `speed_full_mps` with the load; power rises as

@@ -16,7 +16,7 @@ from skyway.planner.findings import Findings, Strategy
 from skyway.planner.flight_log import StepFields
 from skyway.planner.heuristic import heuristic
 from skyway.planner.hierarchy import Hierarchy
-from skyway.planner.infeasible import overweight, proof_of_infeasibility
+from skyway.planner.infeasible import not_carried, proof_of_infeasibility
 from skyway.planner.itinerary import Itinerary
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.problem import Problem
@@ -100,9 +100,9 @@ def compose_with(
     elapsed_s = stopwatch()
     effort = Effort(stop, most_labels=problem.label_limit)
 
-    too_heavy = overweight(problem)
-    if too_heavy is not None:
-        plan, searched = _infeasible(too_heavy), 0
+    cargo_reason = not_carried(problem)
+    if cargo_reason is not None:
+        plan, searched = _infeasible(cargo_reason), 0
     else:
         try:
             sky = airspace or Airspace.of(problem.network, stop=stop)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import count
 
 from skyway.delivery.plan import Infeasibility
+from skyway.drone.cargo import misfit
 from skyway.ids import StationId
 from skyway.planner.matrix import TimeMatrix
 from skyway.planner.problem import Problem
@@ -24,12 +25,13 @@ from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, time_tolerance_s
 _MAX_LABELS = 50_000
 
 
-def overweight(problem: Problem) -> Infeasibility | None:
-    """OVERWEIGHT if the drone cannot lift all packages together."""
+def not_carried(problem: Problem) -> Infeasibility | None:
+    """OVERWEIGHT, TOO_LARGE or HANDLING if the drone cannot carry all packages together."""
     mass_kg = math.fsum(package.mass_kg for package in problem.packages)
     model = problem.drone.model
     if mass_kg <= model.max_payload_kg + LOAD_TOLERANCE_KG:
-        return None
+        found = misfit(model, problem.packages)
+        return None if found is None else Infeasibility(code=found.code, detail=found.detail)
     return Infeasibility(
         code="OVERWEIGHT",
         detail=f"payload {mass_kg:g} kg exceeds the {model.max_payload_kg:g} kg limit of drone "

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
+from skyway.drone.cargo import CargoNeeds
 from skyway.drone.model import DroneModel
 from skyway.errors import FieldFault
 from skyway.ids import PackageId, StationId
@@ -42,8 +43,8 @@ class DroneAtStart(JsonModel):
     station_id: StationId | None = None
 
 
-class PackageToDeliver(JsonModel):
-    """A package, its mass, and the station and window of its hand-over."""
+class PackageToDeliver(CargoNeeds):
+    """A package, what it needs of its drone, and the station and window of its hand-over."""
 
     package_id: PackageId
     mass_kg: Annotated[float, Field(ge=0, le=MAX_PACKAGE_KG, description="Mass in kilograms.")]

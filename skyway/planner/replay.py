@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.delivery.plan import Deliver, Fly, PickUp, Recharge, Step, Wait
+from skyway.drone.cargo import misfit
 from skyway.drone.charging import fastest_s_per_soc, model_on_pad, soc_after_recharge
 from skyway.drone.flight import flight_power_w, speed_mps
 from skyway.errors import InvalidStateOfCharge
@@ -141,6 +142,8 @@ class Replay:
         limit_kg = self._model.max_payload_kg
         if self._load_kg > limit_kg + LOAD_TOLERANCE_KG:
             self._note("payload", f"{self._load_kg} kg exceed {limit_kg} kg")
+        if (found := misfit(self._model, problem.packages)) is not None:
+            self._note("cargo", found.detail)
         self._has_picked_up = True
 
     def _check_deliver(self, step: Deliver) -> None:

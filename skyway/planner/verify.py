@@ -10,6 +10,7 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from skyway.delivery.plan import Deliver, Fly, Plan, PlanStatus, Recharge, Step, Wait
+from skyway.drone.cargo import misfit
 from skyway.errors import SkywayError
 from skyway.planner.problem import Problem
 from skyway.planner.replay import Replay, Violation
@@ -79,6 +80,9 @@ def _of_no_plan(problem: Problem, plan: Plan) -> Iterator[Violation]:
     if named is not None and named.code == "OVERWEIGHT":
         if mass_kg <= problem.drone.model.max_payload_kg:
             yield Violation(None, "no plan", f"{mass_kg} kg are not overweight")
+    elif named is not None and named.code in ("TOO_LARGE", "HANDLING"):
+        if misfit(problem.drone.model, problem.packages) is None:
+            yield Violation(None, "no plan", f"{named.code}, and the drone carries all packages")
     elif named is not None and named.code == "TOO_LATE" and problem.latest_delivery_s is None:
         yield Violation(None, "no plan", "nothing is too late without latest_delivery_s")
 

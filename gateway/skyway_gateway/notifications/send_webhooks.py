@@ -143,6 +143,7 @@ class WebhookSender:
         """Send a test event once, before anything that is due, and store the attempt."""
         now = self.clock.now()
         event = TrialEvent(
+            type="webhook.test",
             message_id=self.mint("msg"),
             sent_at=now,
             event_id=EventId(self.mint("evt")),

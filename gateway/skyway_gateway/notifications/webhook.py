@@ -194,9 +194,7 @@ class TrialEvent(Message):
     event_id: Annotated[
         EventId, Field(description="The id of the event, which is also the `webhook-id` header.")
     ]
-    type: Annotated[Literal["webhook.test"], Field(description="The type of the event.")] = (
-        "webhook.test"
-    )
+    type: Annotated[Literal["webhook.test"], Field(description="The type of the event.")]
     delivery_id: Annotated[
         Literal["webhook-test"], Field(description="Stands for a delivery: there is none.")
     ] = "webhook-test"

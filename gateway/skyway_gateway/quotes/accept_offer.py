@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-from skyway.contracts.candidate import CandidateQuery, ProviderReason
+from skyway.contracts.candidate import CandidateQuery, ProviderReason, cargo_of
 from skyway.contracts.mission import OfferHold, OfferLimits
 from skyway.contracts.quote import KeepOffer
 from skyway.delivery.qos import ProviderChoice
@@ -90,6 +90,7 @@ def _candidate_query(offer: Offer, checked: CheckedRequest) -> CandidateQuery:
         pickup_position=checked.pickup_position,
         payload_kg=request.payload_kg,
         heaviest_kg=max(package.mass_kg for package in request.packages),
+        packages=cargo_of(request.packages),
         providers=ProviderChoice(pinned=offer.provider_id),
         kept_drone_ids=(offer.drone_id,),
     )

@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from skyway.announced_networks import CachedNetworks
-from skyway.contracts.candidate import CandidateQuery
+from skyway.contracts.candidate import CandidateQuery, cargo_of
 from skyway.contracts.message import utc_text
 from skyway.contracts.quote import HoldTerms, OfferTerms, QuoteAnswer, QuoteQuery
 from skyway.delivery.offer import Tariff
@@ -217,6 +217,7 @@ def _candidate_query(request: DeliveryRequest, position: Position) -> CandidateQ
         pickup_position=position,
         payload_kg=request.payload_kg,
         heaviest_kg=max(package.mass_kg for package in request.packages),
+        packages=cargo_of(request.packages),
         providers=request.qos.providers,
     )
 

@@ -15,6 +15,7 @@ import numpy as np
 from skyway.contracts.margins import Margins, RiskMargin
 from skyway.delivery.plan import Fly, Plan
 from skyway.delivery.request import DeliveryRequest, Package
+from skyway.drone.cargo import CargoNeeds
 from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
 from skyway.planner.energy_risk import LEAST_MARGIN, MODEL_DEVIATION, MOST_MARGIN, EnergyRisk
@@ -79,10 +80,7 @@ def delivery_problem(
         start_at=ms_to_moment(start_ms),
         drone=_at_start(with_margins(world, drone)),
         source=request.pickup.station_id,
-        packages=tuple(
-            _to_deliver(each, each.destination.station_id, start_ms=start_ms)
-            for each in request.packages
-        ),
+        packages=tuple(_to_load(each, start_ms=start_ms) for each in request.packages),
         loading_s=world.skyway.settings.loading_s,
         dropoff_s=world.skyway.settings.dropoff_s,
         latest_delivery_s=None if latest_ms is None else (latest_ms - start_ms) / 1000,
@@ -204,6 +202,13 @@ def _at_start(drone: Standing) -> DroneAtStart:
     return DroneAtStart(model=drone.model, soc=drone.soc, station_id=drone.station_id)
 
 
+def _to_load(package: Package, *, start_ms: int) -> PackageToDeliver:
+    """A package for its destination, with what it needs of the drone that is chosen for it."""
+    needs = {name: getattr(package, name) for name in CargoNeeds.model_fields}
+    to_deliver = _to_deliver(package, package.destination.station_id, start_ms=start_ms)
+    return to_deliver.model_copy(update=needs) if package.needs_cargo_check else to_deliver
+
+
 def _to_deliver(package: Package, station_id: StationId, *, start_ms: int) -> PackageToDeliver:
     carried = _only_carried(package, station_id)
     if station_id != package.destination.station_id:
@@ -218,7 +223,9 @@ def _to_deliver(package: Package, station_id: StationId, *, start_ms: int) -> Pa
 
 def _only_carried(package: Package, station_id: StationId) -> PackageToDeliver:
     return PackageToDeliver(
-        package_id=package.package_id, mass_kg=package.mass_kg, destination=station_id
+        package_id=package.package_id,
+        mass_kg=package.mass_kg,
+        destination=station_id,
     )
 
 

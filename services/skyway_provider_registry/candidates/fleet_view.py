@@ -8,7 +8,7 @@ columns.
 """
 
 import asyncio
-from collections.abc import AsyncIterator, Iterable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -133,6 +133,15 @@ class FleetColumns:
     def providers(self) -> Mapping[ProviderId, int]:
         """The value of the column `provider`, by provider."""
         return self._providers
+
+    def with_models(self, is_able: Callable[[DroneModel], bool]) -> Flags:
+        """Which drones have a model of this kind."""
+        able = [
+            number
+            for model_id, number in self._model_numbers.items()
+            if is_able(self.models[model_id])
+        ]
+        return np.isin(self.column("model"), able)
 
     @property
     def order(self) -> Rows:

@@ -14,6 +14,7 @@ from skyway.contracts.candidate import (
 )
 from skyway.contracts.shortlist import ProviderTerms
 from skyway.delivery.offer import Tariff
+from skyway.drone.cargo import misfit
 from skyway.drone.learned_values import AS_MODELLED, LearnedValues
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
@@ -124,7 +125,7 @@ def reason_of(
             )
     if (drone := found.get("DESTINATION_UNREACHABLE")) is not None:
         return _unreachable(drone, network_id)
-    return _overweight(query, provider_id, strongest)
+    return _not_carried(query, provider_id, strongest)
 
 
 def _unreachable(drone: CachedDrone, network_id: NetworkId | None) -> ProviderReason:
@@ -137,10 +138,15 @@ def _unreachable(drone: CachedDrone, network_id: NetworkId | None) -> ProviderRe
     )
 
 
-def _overweight(
+def _not_carried(
     query: CandidateQuery, provider_id: ProviderId, strongest: DroneModel
 ) -> ProviderReason:
     mass_kg = heaviest_kg(query)
+    found = misfit(strongest, query.packages)
+    if found is not None and mass_kg <= strongest.max_payload_kg:
+        return ProviderReason(
+            provider_id=provider_id, code=found.code, detail=found.detail, is_temporary=False
+        )
     return ProviderReason(
         provider_id=provider_id,
         code="OVERWEIGHT",

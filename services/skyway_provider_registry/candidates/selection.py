@@ -12,12 +12,15 @@ from skyway.contracts.candidate import (
     MAX_CANDIDATES,
     MAX_CANDIDATES_PER_PROVIDER,
     CandidateQuery,
+    CargoPackage,
     PayloadLimit,
     ProviderReason,
     ProviderReasonCode,
 )
 from skyway.contracts.shortlist import Candidates, Shortlist, learned_column
 from skyway.delivery.qos import ProviderChoice
+from skyway.drone.cargo import misfit
+from skyway.drone.model import DroneModel
 from skyway.geo import EARTH_RADIUS_M, unit_vector
 from skyway.ids import ProviderId
 from skyway_provider_registry.candidates.fleet_view import Flags, Fleet, FleetColumns, Rows
@@ -112,15 +115,26 @@ class _Lifting:
 def _lifting(query: CandidateQuery, columns: FleetColumns, elsewhere: Flags) -> _Lifting:
     """Which drones are strong enough.
 
-    When no drone of a provider lifts everything, its drones that lift the heaviest package count.
+    When no drone of a provider carries everything, its drones that lift the heaviest package count;
+    if some package needs more than lift, its drones that carry any package.
     Drones that stand `elsewhere` do not decide whether a provider would split.
     """
     provider = columns.column("provider")
     limit_kg = columns.column("payload_kg") * (1 + _MASS_TOLERANCE)
     lifts_all = limit_kg >= query.payload_kg
+    lifts_one = limit_kg >= heaviest_kg(query)
+    if query.packages:
+        lifts_all &= columns.with_models(lambda model: misfit(model, query.packages) is None)
+        lifts_one = columns.with_models(lambda model: _carries_one(model, query.packages))
     split = np.ones(len(columns.providers), np.bool_)
     split[provider[lifts_all & ~elsewhere]] = False
-    return _Lifting(lifts_all | (split[provider] & (limit_kg >= heaviest_kg(query))), split)
+    return _Lifting(lifts_all | (split[provider] & lifts_one), split)
+
+
+def _carries_one(model: DroneModel, packages: Sequence[CargoPackage]) -> bool:
+    return any(
+        each.mass_kg <= model.max_payload_kg and misfit(model, [each]) is None for each in packages
+    )
 
 
 def _obstacles(

@@ -249,3 +249,50 @@ async def test_a_large_order_plans_no_more_trips_than_the_limit(
 
     assert not offers.ranked
     assert len(asked) <= MOST_TRIPS + 2 * len(drones)
+
+
+_BOX = {"length": 300, "width": 200, "height": 200}
+
+
+def with_cargo(make: Any, station_id: str, count: int, **abilities: Any) -> list[Any]:
+    drones = drones_at(make, station_id, count)
+    document = drones[0].model.model_dump() | abilities
+    model = type(drones[0].model).model_validate(document)
+    return [each.model_copy(update={"model": model}) for each in drones]
+
+
+def with_needs(request: DeliveryRequest, *needs: dict[str, Any]) -> DeliveryRequest:
+    document = request.model_dump(mode="json")
+    packages = zip(document["packages"], needs, strict=True)
+    document["packages"] = [{**package, **more} for package, more in packages]
+    return DeliveryRequest.model_validate(document)
+
+
+async def test_packages_that_do_not_fit_together_fly_with_two_drones(
+    composition: Any, make: Any
+) -> None:
+    await publish(composition, make, pads={}, km=2.0)
+    needs = {"size_mm": _BOX}
+    request = with_needs(make.request("b", "d", pickup="c"), needs, needs)
+
+    offers = await quoted(composition, request, *with_cargo(make, "c", 2, cargo_mm=_BOX))
+
+    assert [len(offer.parts) for offer in offers.ranked] == [2]
+
+
+@pytest.mark.parametrize(
+    ("needs", "code"),
+    [({"size_mm": {**_BOX, "length": 301}}, "TOO_LARGE"), ({"handling": ["COLD"]}, "HANDLING")],
+)
+@pytest.mark.parametrize("packages", [1, 2])
+async def test_a_package_that_no_drone_may_carry_has_a_named_reason(
+    composition: Any, make: Any, needs: dict[str, Any], code: str, packages: int
+) -> None:
+    await publish(composition, make, pads={}, km=2.0)
+    ends = ("b", "d")[:packages]
+    request = with_needs(make.request(*ends, pickup="c"), *[needs, {}][:packages])
+
+    offers = await quoted(composition, request, *with_cargo(make, "c", 2, cargo_mm=_BOX))
+
+    assert offers.ranked == ()
+    assert [each.code for each in offers.reasons] == [code]

@@ -1,7 +1,14 @@
+from collections.abc import Callable
+from typing import Any
+
 import pytest
 
+from skyway.drone.cargo import SizeMm
+from skyway.drone.model import DroneModel
 from skyway.planner import compose
 from skyway.planner.pad_book import PadBook
+from skyway.planner.problem import PackageToDeliver, Problem
+from skyway.planner.verify import verify
 from tests.library.planner.outcomes import infeasibility
 
 FOR_GOOD = {"start_s": 0, "end_s": None}
@@ -107,3 +114,28 @@ def test_the_least_time_counts_recharging_at_the_fastest_rate(make_problem, stra
     problem = make_problem("a-b:8 b-c:5", "c", latest_delivery_s=1600.0, strategy=strategy)
 
     assert compose(problem).status == status
+
+
+_SMALL = {"cargo_mm": SizeMm(length=300, width=200, height=100)}
+
+
+@pytest.mark.parametrize(
+    ("needs", "code"),
+    [
+        ({"size_mm": {"length": 301, "width": 200, "height": 100}}, "TOO_LARGE"),
+        ({"handling": ["COLD"]}, "HANDLING"),
+    ],
+)
+def test_a_drone_that_may_not_carry_a_package_has_no_plan(
+    make_problem: Callable[..., Problem], model: DroneModel, needs: dict[str, Any], code: str
+) -> None:
+    good = make_problem("a-b:1", "b", model=model.model_copy(update=_SMALL))
+    document = good.packages[0].model_dump() | needs
+    problem = good.model_copy(update={"packages": (PackageToDeliver.model_validate(document),)})
+
+    plan = compose(problem)
+
+    assert infeasibility(plan).code == code
+    assert verify(problem, plan) == ()
+    assert [each.rule for each in verify(good, plan)] == ["no plan"]
+    assert [each.rule for each in verify(problem, compose(good))] == ["cargo"]

@@ -9,7 +9,7 @@ from statistics import fmean
 from time import perf_counter
 from typing import Final
 
-from skyway.contracts.candidate import CandidateQuery, ProviderReason, ProviderReasonCode
+from skyway.contracts.candidate import CandidateQuery, ProviderReason, ProviderReasonCode, cargo_of
 from skyway.contracts.mission import Booking, BookMissions, Mission, OfferLimits
 from skyway.contracts.mission_reports import CALENDAR_CODES
 from skyway.contracts.shortlist import Candidates, Shortlist
@@ -53,6 +53,7 @@ def candidate_query(queued: QueuedDelivery) -> CandidateQuery:
         pickup_position=queued.pickup_position,
         payload_kg=sum(masses_kg),
         heaviest_kg=max(masses_kg, default=0.0),
+        packages=cargo_of(_request(delivery).packages),
         providers=choice,
         excluded_drone_ids=drones_that_refused(delivery.refusals),
     )

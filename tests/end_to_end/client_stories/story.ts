@@ -1,0 +1,53 @@
+// A shop's day with `@skyway/client`: quote, accept, follow, webhook verified, list, problem.
+// The arguments are the gateway's URL, a customer's key, the pickup and the destination. The system
+// has a network and drones that can fly it.
+
+import assert from 'node:assert/strict'
+import { once } from 'node:events'
+import { createServer } from 'node:http'
+import type { AddressInfo } from 'node:net'
+import { text } from 'node:stream/consumers'
+
+import { answer, createSkyway, each, problems, readNotification } from '@skyway/client'
+
+const [url = '', key = '', start = '', end = ''] = process.argv.slice(2)
+const skyway = createSkyway({ url, key })
+
+// The shop's server reads the notifications that it can verify.
+let secret = ''
+const received: string[] = []
+const server = createServer(async (request, response) => {
+  const headers = request.headers as Record<string, string>
+  const { type } = readNotification(secret, headers, await text(request))
+  received.push(type)
+  response.writeHead(204).end()
+  if (type === 'delivery.completed') server.emit('completed')
+})
+const isCompleted = once(server, 'completed')
+await once(server.listen(0, '127.0.0.1'), 'listening')
+const { port } = server.address() as AddressInfo
+const hook = { url: `http://127.0.0.1:${port}/skyway` }
+secret = (await answer(skyway.api.POST('/v1/webhooks', { body: hook }))).secret
+
+// It asks for offers, and accepts the best one, once.
+const item = { package_id: 'p1', mass_kg: 0.8, destination: { station_id: end } }
+const body = { pickup: { station_id: start }, packages: [item] }
+const quote = await answer(skyway.api.POST('/v1/quotes', { body }))
+const offer_id = quote.offers[0]?.offer_id ?? ''
+const choice = { body: { quote_id: quote.quote_id, offer_id } }
+const { delivery_id } = await answer(skyway.api.POST('/v1/deliveries', choice))
+await assert.rejects(skyway.api.POST('/v1/deliveries', choice), problems.QuoteTaken)
+
+// It follows the delivery, and finds it in the list.
+const events: string[] = []
+for await (const event of skyway.events(delivery_id)) events.push(event.type)
+await isCompleted
+assert.deepEqual(received, events)
+assert.throws(() => readNotification(secret, { 'webhook-signature': 'v1,AA==' }, '{}'))
+const list = (cursor: string | null) =>
+  answer(skyway.api.GET('/v1/deliveries', { params: { query: { cursor, limit: 1 } } }))
+const states = new Map<string, string>()
+for await (const delivery of each(list)) states.set(delivery.delivery_id, delivery.state)
+console.log(states.get(delivery_id))
+server.close()
+server.closeAllConnections()
