@@ -136,7 +136,9 @@ class Parts:
     @property
     def changer(self) -> Changer:
         """Changes deliveries."""
-        return Changer(self.db, self.writer, self.clock, self.personal_kept)
+        return Changer(
+            self.db, self.checks, self.writer, self.clock, self.horizon, self.personal_kept
+        )
 
     @property
     def schedule_opener(self) -> ScheduleOpener:

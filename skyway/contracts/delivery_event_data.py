@@ -71,10 +71,14 @@ class ChangedData(WireModel):
         tuple[str, ...],
         Field(
             description="The names of what was changed, such as `recipient`, `metadata`, "
-            "`reference` and `packages.p1.instructions`."
+            "`earliest_pickup_at` and `packages.p1.instructions`."
         ),
     ]
     reference: Annotated[str | None, Field(description="The customer's own word for the delivery.")]
+    request: Annotated[
+        DeliveryRequest | None,
+        Field(description="The request with its new times; null if no time was changed."),
+    ]
 
 
 class ScheduledData(WireModel):

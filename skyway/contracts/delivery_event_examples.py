@@ -54,7 +54,7 @@ def _examples() -> Iterator[tuple[str, datetime, Mapping[str, Any]]]:
     yield "delivery.requested", after(0), _requested()
     yield "delivery.scheduled", after(0), _scheduled()
     yield "delivery.planned", after(0), _planned()
-    yield "delivery.changed", after(0), {"changed": ["instructions"], "reference": "order 1042"}
+    yield "delivery.changed", after(0), _changed()
     yield "delivery.dispatched", after(1), _FLOWN_BY
     yield "delivery.loaded", after(5), _loaded()
     yield "delivery.started", after(5), _FLOWN_BY
@@ -82,6 +82,10 @@ def _requested() -> Mapping[str, Any]:
     ]
     request = {"pickup": {"station_id": SAN_MARCOS}, "packages": packages}
     return {"reference": "order 1042", "request": request}
+
+
+def _changed() -> Mapping[str, Any]:
+    return {"changed": ["instructions"], "reference": "order 1042", "request": None}
 
 
 def _scheduled() -> Mapping[str, Any]:

@@ -16,6 +16,7 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "ALREADY_HELD": "The mission is held already.",
     "BATTERY_INSTALLED": "The battery is in a drone; remove it there first.",
     "BEING_LOADED": "The loading was just confirmed; the drone must answer first.",
+    "CHANGED_MEANWHILE": "Another call has changed the times meanwhile; try again.",
     "HELD": "The mission is held; resume it first.",
     "MISSION_OVER": "The mission is over.",
     "MISSION_QUEUED": "The mission was not sent to its drone yet.",
@@ -54,7 +55,7 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "TOO_MANY_SCHEDULED": "The customer has as many SCHEDULED deliveries as it may have.",
     "TOO_MANY_WEBHOOKS": "The customer has as many webhooks as it may have.",
     "TOO_MANY_HOLDS": "As many quotes are held as the customer may hold at the same time.",
-    "TOO_LATE": "Nothing of this can be stopped any more.",
+    "TOO_LATE": "Nothing of this can be stopped or changed any more.",
     "WEBHOOK_DISABLED": "The webhook is disabled; make it active first.",
 }
 

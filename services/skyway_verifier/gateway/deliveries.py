@@ -100,19 +100,38 @@ def _differs(row: Any) -> bool:  # a row of missions
     )
 
 
+_later = events.alias("later")
+
+#: Each delivery with its first event, and the last event that has changed its request.
 _BEGUN: Final = (
-    select(deliveries, events.c.body).join(events, _is_own).where(events.c.sequence == 1)
+    select(
+        deliveries,
+        events.c.body,
+        select(_later.c.body)
+        .where(
+            _later.c.delivery_id == deliveries.c.delivery_id,
+            _later.c.type == "delivery.changed",
+            _later.c.body.not_like('%"request":null%'),
+        )
+        .order_by(_later.c.sequence.desc())
+        .limit(1)
+        .scalar_subquery()
+        .label("rescheduled"),
+    )
+    .join(events, _is_own)
+    .where(events.c.sequence == 1)
 )
 
 
 def _began_otherwise(row: Any) -> bool:  # a row of _BEGUN
     event, request = json.loads(row.body), DeliveryRequest.read(row.request)
+    asked = event if row.rescheduled is None else json.loads(row.rescheduled)
     earliest_at = request.first_hand_over_at
     earliest_ms = None if earliest_at is None else moment_to_ms(earliest_at)
     return (
         abs(row.created_ms - ms_of(event["occurred_at"])) > 1
         or row.earliest_pickup_ms != earliest_ms
-        or DeliveryRequest.model_validate(event["data"]["request"]) != request
+        or DeliveryRequest.model_validate(asked["data"]["request"]) != request
         or (row.waits_since_ms is not None and row.waits_since_ms < row.created_ms - 1)
         or min(row.updated_ms, row.give_up_ms) < row.created_ms - 1
     )

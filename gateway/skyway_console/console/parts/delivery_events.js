@@ -9,7 +9,9 @@ const LAST = ["completed", "partially_completed", "cancelled", "failed", "reject
   .map((name) => `delivery.${name}`);
 export const TYPES = [
   ...LAST,
-  ...["requested", "scheduled", "planned", "dispatched", "loaded", "started", "delayed", "replanned"]
+  ...["requested", "changed", "scheduled", "planned", "dispatched"]
+    .map((name) => `delivery.${name}`),
+  ...["loaded", "started", "delayed", "replanned"]
     .map((name) => `delivery.${name}`),
   ...["delivered", "returned", "stranded", "cancelled"].map((name) => `package.${name}`),
 ];

@@ -25,9 +25,14 @@ def requested(delivery: Delivery) -> Data:
     }
 
 
-def changed_by_customer(names: Sequence[str], reference: str | None) -> Data:
+def changed_by_customer(delivery: Delivery, names: Sequence[str], *, is_rescheduled: bool) -> Data:
     """Data of `delivery.changed`: what the customer has changed, without personal data."""
-    return {"changed": list(names), "reference": reference}
+    request = delivery.request.model_dump(mode="json", exclude_none=True)
+    return {
+        "changed": list(names),
+        "reference": delivery.reference,
+        "request": request if is_rescheduled else None,
+    }
 
 
 def scheduled(earliest_pickup_at: datetime, *, books_from_at: datetime) -> Data:

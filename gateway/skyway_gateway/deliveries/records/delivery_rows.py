@@ -142,11 +142,9 @@ def new_delivery(queued: QueuedDelivery) -> Values:
     return {
         "delivery_id": delivery.delivery_id,
         "customer_id": delivery.customer_id,
-        "request": delivery.request.model_dump_json(),
         "pickup_position": _POSITION.dump_json(queued.pickup_position).decode(),
         "created_ms": moment_to_ms(delivery.created_at),
         "give_up_ms": moment_to_ms(queued.give_up_at),
-        "earliest_pickup_ms": _ms(delivery.request.first_hand_over_at),
         "offer": delivery.offer and delivery.offer.model_dump_json(),
         "traceparent": queued.traceparent,
         "has_idempotency_key": queued.has_idempotency_key,
@@ -154,7 +152,16 @@ def new_delivery(queued: QueuedDelivery) -> Values:
         "network_id": queued.network_id,
         "queue_rank": PRIORITY_RANKS[delivery.request.qos.priority],
         "woken_wall_ms": queued.woken_wall_ms,
+        **request_values(delivery.request),
         **changing(queued.stored),
+    }
+
+
+def request_values(request: DeliveryRequest) -> Values:
+    """The columns of a request that change with its times."""
+    return {
+        "request": request.model_dump_json(),
+        "earliest_pickup_ms": _ms(request.first_hand_over_at),
     }
 
 

@@ -60,6 +60,7 @@ from skyway_gateway.deliveries.records.delivery_rows import (
     package_of,
     package_values,
     reported,
+    request_values,
     stored_of,
 )
 from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
@@ -274,6 +275,8 @@ def save(
     if (old.attempt, old.is_queued) != (new.attempt, new.is_queued):
         # What has to be booked has changed: look at it immediately.
         values |= {"next_try_wall_ms": 0, "waits_since_ms": None, "asked_wall_ms": None, **FREE}
+    if new.request is not old.request:
+        values |= request_values(new.request)
     if give_up_at is not None:
         values["give_up_ms"] = moment_to_ms(give_up_at)
     expected = {

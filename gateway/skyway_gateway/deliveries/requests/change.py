@@ -3,71 +3,36 @@
 Both lock the delivery first: two changes at the same time apply one after the other.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import timedelta
-from typing import Annotated, Any, Final
+from typing import Annotated
 
-from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import Field
 
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.message import FleetMoment
-from skyway.delivery.request import DeliveryRequest, Package
+from skyway.delivery.request import DeliveryRequest
+from skyway.errors import InvalidInput
 from skyway.ids import DeliveryId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.sql.database import Database
+from skyway_gateway.deliveries.booking.run_bookings import books_from
 from skyway_gateway.deliveries.lifecycle import event_data
+from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
 from skyway_gateway.deliveries.lifecycle.customer_forms import ShownDelivery, shown_to
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.progress import Progress, changed
 from skyway_gateway.deliveries.records import delivery_store
-from skyway_gateway.deliveries.records.delivery_rows import StoredDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
+from skyway_gateway.deliveries.requests.change_form import DeliveryChange, changed_times
 from skyway_gateway.notifications.delivery_events import Happening
 from skyway_gateway.personal_data import store as personal_data
-from skyway_gateway.personal_data.changes import PersonalDataChange
 from skyway_gateway.personal_data.details import PersonalData, require_packages
 from skyway_gateway.personal_data.store import StoredPersonalData
-
-#: What decides how a delivery is flown: other values need another booking.
-_BOOKED: Final = frozenset(DeliveryRequest.model_fields.keys() - {"packages", "reference"})
-_BOOKED_OF_PACKAGE: Final = frozenset(Package.model_fields.keys() - {"package_id"})
-
-
-class DeliveryChange(PersonalDataChange):
-    """What is to be changed: a member that is left out stays, and null removes it."""
-
-    reference: Annotated[
-        Annotated[str, Field(max_length=200)] | None,
-        Field(description="The customer's own word for it, up to 200 characters; null removes it."),
-    ] = None
-    dry_run: Annotated[
-        bool,
-        Field(description="Whether only to show the delivery as it would be after the change."),
-    ] = False
-
-    @model_validator(mode="before")
-    @classmethod
-    def _is_flown_alike(cls, given: Any) -> Any:  # any JSON value
-        if isinstance(given, Mapping):
-            packages = given.get("packages")
-            of_packages = (
-                f"packages.{number}.{name}"
-                for number, each in enumerate(packages if isinstance(packages, list) else ())
-                if isinstance(each, Mapping)
-                for name in sorted(_BOOKED_OF_PACKAGE & each.keys())
-            )
-            if names := [*sorted(_BOOKED & given.keys()), *of_packages]:
-                raise PydanticCustomError(
-                    "booked",
-                    "cannot change {names}: cancel the delivery, and request another one",
-                    {"names": ", ".join(names[:5])},
-                )
-        return given
+from skyway_gateway.quotes.check_request import RequestChecks
 
 
 class ErasedPersonalData(JsonModel):
@@ -92,15 +57,17 @@ class Changer:
     """Changes deliveries until their last hand-over, and erases personal data at any time."""
 
     db: Database
+    checks: RequestChecks
     writer: DeliveryWriter
     clock: FleetClock
+    horizon: timedelta
     #: How long personal data is kept after the end of its delivery.
     personal_kept: timedelta
 
     async def change(
         self, caller: Caller, delivery_id: DeliveryId, requested: DeliveryChange
     ) -> ShownDelivery:
-        """The delivery after the change, which its events name without the new values.
+        """The delivery after the change, which its events name without personal data.
 
         A change that changes nothing causes no event.
 
@@ -109,41 +76,68 @@ class Changer:
         NotFound
             There is no such delivery, or it is not the caller's.
         InvalidInput
-            It has no such package, or would have too many members of metadata.
+            It has no such package, would have too many members of metadata, or its times are
+            impossible.
         Conflict
-            TOO_LATE: the delivery is over or being cancelled, or the package is handed over.
+            TOO_LATE: the delivery is over or being cancelled, the package is handed over, or times
+            are to be changed of a delivery that is not SCHEDULED. CHANGED_MEANWHILE: another call
+            has changed times.
         """
+        request = await self._request_after(caller, delivery_id, requested)
         async with self.db.write() as tx:
-            await delivery_store.require_own(tx.connection, caller, delivery_id)
             before = await delivery_store.lock(tx, delivery_id)
+            if requested.request_after(before.delivery.request) != request:
+                raise Conflict("CHANGED_MEANWHILE", "its times were changed meanwhile: try again")
             _require_in_time(before.delivery, requested)
             personal = await personal_data.one_of(tx.connection, delivery_id)
             data = requested.applied_to(personal.data)
-            progress = self._progress(before, requested, names=_changed(personal.data, data))
+            names = _changed_fields(personal.data, data)
+            progress = self._progress(before.delivery, requested, names=names)
             if not requested.dry_run and progress.happenings:
+                created_at, kept = before.delivery.created_at, self.personal_kept
                 if data != personal.data:
-                    created_at, kept = before.delivery.created_at, self.personal_kept
                     await personal_data.replace(
                         tx, delivery_id, data, created_at=created_at, kept=kept
                     )
-                self.writer.save(tx, before, progress)
-        erased_at = personal.erased_at if data == personal.data else None
-        shown = StoredPersonalData(data, erased_at)
+                is_new = progress.delivery.request != before.delivery.request
+                give_up = give_up_at(request, self.clock) if is_new else None
+                self.writer.save(tx, before, progress, give_up_at=give_up)
+        shown = personal if data == personal.data else StoredPersonalData(data)
         return ShownDelivery.of(shown_to(caller, progress.delivery), shown)
 
+    async def _request_after(
+        self, caller: Caller, delivery_id: DeliveryId, requested: DeliveryChange
+    ) -> DeliveryRequest:
+        """The request after the change; changed times are checked like those of a new request."""
+        async with self.db.read() as connection:
+            delivery = await delivery_store.one_of(connection, caller, delivery_id)
+        _require_in_time(delivery, requested)
+        request = requested.request_after(delivery.request)
+        if request != delivery.request:
+            if request.first_hand_over_at is None:
+                detail = "must be a moment, such as now: no other time says when to find a drone"
+                raise InvalidInput("earliest_pickup_at", detail)
+            await self.checks.check(request)
+        return request
+
     def _progress(
-        self, before: StoredDelivery, requested: DeliveryChange, *, names: list[str]
+        self, before: Delivery, requested: DeliveryChange, *, names: list[str]
     ) -> Progress:
-        delivery = before.delivery
-        if "reference" in requested.model_fields_set:
-            names += ["reference"] * (requested.reference != delivery.reference)
-            delivery = changed(delivery, reference=requested.reference)
-        if not names:
-            return Progress(delivery)
-        at = self.clock.now()
-        data = event_data.changed_by_customer(names, delivery.reference)
-        after = changed(delivery, updated_at=max(at, delivery.updated_at))
-        return Progress(after, (Happening(DeliveryEventType.CHANGED, at, data),))
+        request, reference = requested.request_after(before.request), before.reference
+        times = [*changed_times(before.request, request)]
+        if "reference" in requested.model_fields_set and requested.reference != reference:
+            reference, names = requested.reference, [*names, "reference"]
+        if not (names or times):
+            return Progress(before)
+        at = max(self.clock.now(), before.updated_at)
+        after = changed(before, reference=reference, request=request, updated_at=at)
+        data = event_data.changed_by_customer(after, [*names, *times], is_rescheduled=bool(times))
+        happenings = [Happening(DeliveryEventType.CHANGED, at, data)]
+        first_at, books_at = request.first_hand_over_at, books_from(request, self.horizon)
+        if times and first_at is not None and books_at is not None and books_at > at:
+            scheduled = event_data.scheduled(first_at, books_from_at=books_at)
+            happenings.append(Happening(DeliveryEventType.SCHEDULED, at, scheduled))
+        return Progress(after, tuple(happenings))
 
     async def erase(self, caller: Caller, delivery_id: DeliveryId) -> ErasedPersonalData:
         """Erase all personal data of a delivery; erasing again changes nothing.
@@ -174,9 +168,13 @@ def _require_in_time(delivery: Delivery, requested: DeliveryChange) -> None:
         if package.package_id in named and package.is_settled:
             detail = f"package {package.package_id} cannot be changed: it is {package.state}"
             raise Conflict("TOO_LATE", detail)
+    request = requested.request_after(delivery.request)
+    if delivery.state != "SCHEDULED" and request != delivery.request:
+        detail = f"times can be changed while a delivery is SCHEDULED; it is {delivery.state}"
+        raise Conflict("TOO_LATE", f"{detail}: cancel it, and request another one")
 
 
-def _changed(before: PersonalData, after: PersonalData) -> list[str]:
+def _changed_fields(before: PersonalData, after: PersonalData) -> list[str]:
     """The names of what differs."""
     old, new = before.by_field(), after.by_field()
     return sorted(name for name in old.keys() | new.keys() if old.get(name) != new.get(name))

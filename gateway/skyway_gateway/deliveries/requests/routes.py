@@ -40,11 +40,8 @@ from skyway_gateway.deliveries.lifecycle.customer_forms import (
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller, CancelRequest
-from skyway_gateway.deliveries.requests.change import (
-    Changer,
-    DeliveryChange,
-    ErasedPersonalData,
-)
+from skyway_gateway.deliveries.requests.change import Changer, ErasedPersonalData
+from skyway_gateway.deliveries.requests.change_form import DeliveryChange
 
 
 def _form(body: object) -> str:
@@ -135,11 +132,15 @@ def delivery_routes(
 
 
 def _add_changes(router: ServiceRouter, changer: Changer) -> None:
-    @router.patch("/v1/deliveries/{delivery_id}", responses=conflicts("TOO_LATE"))
+    @router.patch(
+        "/v1/deliveries/{delivery_id}", responses=conflicts("CHANGED_MEANWHILE", "TOO_LATE")
+    )
     async def change_delivery(
         delivery_id: DeliveryId, caller: KeyCaller, wanted: Annotated[DeliveryChange, Body()]
     ) -> ShownDelivery:
-        """Change people, instructions, metadata or reference of a delivery before the hand-over.
+        """Change people, instructions, metadata or reference until the hand-over.
+
+        Times are changed while the delivery is SCHEDULED.
 
         Callers: customer, operator.
         """

@@ -225,7 +225,11 @@ async def test_an_accepted_request_is_a_delivery_in_its_first_state(
     assert answer.headers["location"] == f"/v1/deliveries/{delivery['delivery_id']}"
     url = delivery.pop("tracking_url")
     assert url.startswith(f"http://gateway/track/{delivery['delivery_id']}/")
-    assert delivery == await gateway.get(delivery["delivery_id"])
+    found = await gateway.get(delivery["delivery_id"])
+    assert {**found, **delivery} == {**found, "packages": delivery["packages"]}
+    assert [
+        {**one, **other} for one, other in zip(found["packages"], delivery["packages"], strict=True)
+    ] == found["packages"]
     assert delivery["state"] == "REQUESTED"
     assert delivery["customer_id"] == "alice"
     assert delivery["reference"] == "order 7"

@@ -51,7 +51,9 @@ async def test_a_change_is_shown_and_its_event_names_it(gateway_on_both: Gateway
     assert (shown["recipient"], shown["packages"][1]["recipient"]["name"]) == (ANA, "Ben")
     assert shown["request"]["reference"] == "order 1", "the request is what was first asked for"
     changed = ["instructions", "packages.p2.recipient", "reference"]
-    assert await changes_of(gateway, delivery_id) == [{"changed": changed, "reference": "order 2"}]
+    assert await changes_of(gateway, delivery_id) == [
+        {"changed": changed, "reference": "order 2", "request": None}
+    ]
 
 
 async def test_a_contact_keeps_what_the_change_leaves_out(gateway: Gateway) -> None:
@@ -177,9 +179,9 @@ async def test_a_delivery_that_is_over_is_not_changed(gateway: Gateway) -> None:
         ({"recipient": {"name": None}}, "recipient.name", "may be left out, but not null"),
         ({"provider_id": "prv_1"}, "provider_id", "is not a known field"),
         (
-            {"packages": [{"package_id": "p1", "mass_kg": 2}], "latest_pickup_at": None},
+            {"packages": [{"package_id": "p1", "mass_kg": 2}], "qos": {"objective": "CHEAPEST"}},
             "body",
-            "cannot change latest_pickup_at, packages.0.mass_kg: cancel the delivery, and request",
+            "cannot change qos, packages.0.mass_kg: cancel the delivery, and request another one",
         ),
     ],
 )
