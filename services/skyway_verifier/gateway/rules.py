@@ -13,6 +13,7 @@ from skyway_gateway.delivery_tables import deliveries, missions, packages
 from skyway_gateway.notifications.secret_store import read_previous
 from skyway_gateway.notifications.secret_vault import read_stored_secret
 from skyway_gateway.personal_data.details import PersonalData
+from skyway_gateway.places.served import ServedPlace
 from skyway_gateway.quotes.store import Offer
 from skyway_gateway.tables import (
     api_keys,
@@ -83,6 +84,7 @@ _FORMS: Final = form_rule(
         webhooks.c.secret: read_stored_secret,
         webhooks.c.previous_secrets: read_previous,
         quotes.c.request: DeliveryRequest.read,
+        quotes.c.places: TypeAdapter(tuple[ServedPlace, ...]).validate_json,
         quotes.c.offers: TypeAdapter(tuple[Offer, ...]).validate_json,
         quotes.c.infeasible: _REASONS,
         known_networks.c.stations: NetworkStations.read,
