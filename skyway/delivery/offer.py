@@ -16,6 +16,10 @@ Currency = Annotated[str, Field(pattern=r"^[A-Z]{3}$", max_length=3, description
 
 MinorUnits = Annotated[int, Field(ge=0, le=10**12)]
 
+#: The highest price of a trip, in minor units: the price of a delivery with 100 trips is an amount
+#: too. Without it the tariff of one provider could make the quotes of all providers fail.
+MOST_OF_TRIP: Final = 10**10
+
 
 #: Scores that agree in this many digits are equal: what is left of a difference is rounding.
 _SCORE_DIGITS: Final = 9
@@ -136,7 +140,8 @@ def price_of(
 ) -> Price:
     """The price of flying a plan, rounded to the nearest minor unit, at least the minimum.
 
-    PRIORITY multiplies it, the minimum too, by the tariff's factor. The line items sum to it.
+    PRIORITY multiplies it, the minimum too, by the tariff's factor. The line items sum to it. A
+    price above `MOST_OF_TRIP` is cut to it, and has one item.
     """
     parts: dict[LineKind, float] = {
         "BASE": tariff.base,
@@ -147,6 +152,9 @@ def price_of(
     flown = round(sum(parts.values()))
     least = max(tariff.minimum, flown)
     amount = round(least * tariff.factor_of(priority))
+    if amount > MOST_OF_TRIP:
+        most = LineItem(kind="BASE", amount=MOST_OF_TRIP)
+        return Price(amount=MOST_OF_TRIP, currency=tariff.currency, line_items=(most,))
     price = Price(amount=flown, currency=tariff.currency, line_items=whole_items(parts, flown))
     return price.plus("MINIMUM", least - flown).plus("PRIORITY", amount - least)
 

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple, Self, TypeVar
 import numpy as np
 
 from skyway.contracts.shortlist import Shortlist
-from skyway.delivery.offer import Tariff
+from skyway.delivery.offer import MOST_OF_TRIP, Tariff
 from skyway.delivery.qos import Priority
 from skyway.delivery.request import DeliveryRequest
 from skyway.drone.charging import fastest_s_per_soc
@@ -181,7 +181,7 @@ def _amounts(
         + per_recharge_minute * recharging_s / 60
     )
     rounded: Floats = np.rint(np.maximum(minimum, np.rint(amounts)) * factor)
-    return rounded
+    return np.minimum(rounded, MOST_OF_TRIP)
 
 
 def _rates(tariff: Tariff, priority: Priority) -> Sequence[float]:

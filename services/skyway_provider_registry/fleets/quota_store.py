@@ -20,35 +20,24 @@ class DroneLimit:
     db: Database
     most: int
 
-    async def refuse_too_many(
-        self, connection: AsyncConnection, provider_id: ProviderId, *, new: int
+    async def must_allow(
+        self, connection: AsyncConnection, provider_id: ProviderId, caller: Caller, *, new: int
     ) -> None:
-        """Go on only if the provider may have so many new drones.
+        """Go on only if the provider may have so many new drones; operators help suspended ones.
 
         Raises
         ------
         Conflict
-            TOO_MANY_DRONES.
-        """
-        used = await _used(connection, provider_id)
-        if used + new > self.most:
-            detail = f"the limit is {self.most} drones of a provider; it has {used}"
-            raise Conflict("TOO_MANY_DRONES", detail)
-
-    async def refuse_suspended(
-        self, connection: AsyncConnection, provider_id: ProviderId, *, caller: Caller
-    ) -> None:
-        """Go on unless this is a suspended provider; operators may register drones for it.
-
-        Raises
-        ------
-        Conflict
-            PROVIDER_SUSPENDED.
+            PROVIDER_SUSPENDED, or TOO_MANY_DRONES.
         """
         state = select(providers.c.state).where(providers.c.provider_id == provider_id)
         if caller.role == "provider" and await connection.scalar(state) == "SUSPENDED":
             detail = "a suspended provider registers no drones: ask an operator"
             raise Conflict("PROVIDER_SUSPENDED", detail)
+        used = await _used(connection, provider_id)
+        if used + new > self.most:
+            detail = f"the limit is {self.most} drones of a provider; it has {used}"
+            raise Conflict("TOO_MANY_DRONES", detail)
 
     async def quota(self, provider_id: ProviderId) -> DroneQuota:
         """How many drones the provider may have, and has."""

@@ -8,7 +8,6 @@ from typing import Annotated
 from fastapi import Depends, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from pydantic import Discriminator, Field, Tag
-from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.cells import CellClients
 from skyway.contracts.drones import MOST_NEW_DRONES
@@ -229,12 +228,6 @@ def registration_routes(
         _refuse(faults, raw=raw)
         return models, check
 
-    async def must_fit(
-        connection: AsyncConnection, provider_id: ProviderId, caller: Caller, *, new: int
-    ) -> None:
-        await limit.refuse_suspended(connection, provider_id, caller=caller)
-        await limit.refuse_too_many(connection, provider_id, new=new)
-
     async def prepared(
         new_drones: list[NewDrone], *, caller: Caller, provider_id: ProviderId, raw: bytes
     ) -> PreparedDrones:
@@ -281,7 +274,7 @@ def registration_routes(
         if query.dry_run:
             await checked(new_drones, caller=caller, provider_id=provider_id, raw=raw)
             async with context.db.read() as connection:
-                await must_fit(connection, provider_id, caller, new=len(new_drones))
+                await limit.must_allow(connection, provider_id, caller, new=len(new_drones))
                 taken = await store.taken_registrations(connection, provider_id, new_drones)
             _refuse(taken_faults(new_drones, taken), raw=raw)
             return Response(status_code=204)
@@ -290,7 +283,7 @@ def registration_routes(
         answer = await asyncio.to_thread(form, ready)
 
         async def act(tx: Tx) -> Answer:
-            await must_fit(tx.connection, provider_id, caller, new=len(new_drones))
+            await limit.must_allow(tx.connection, provider_id, caller, new=len(new_drones))
             await store_drones(tx, ready)
             return answer
 

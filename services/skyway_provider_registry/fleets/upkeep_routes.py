@@ -1,13 +1,12 @@
 """Batteries and maintenance of a provider's drones, over REST."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import Annotated
 
 from fastapi import Depends, Query, Response
 from pydantic import Discriminator, Field, Tag
-from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drones import MOST_NEW_DRONES
 from skyway.drone.model import DroneModel
@@ -61,6 +60,13 @@ def in_item(index: int) -> Iterator[None]:
         raise InvalidInput(f"{index}.{error.field}", error.detail) from error
 
 
+def _refuse_taken(serials: Sequence[str], taken: Collection[str], *, is_list: bool) -> None:
+    for index, serial in enumerate(serials):
+        if serial in taken:
+            detail = f"{serial!r} belongs to another of your batteries"
+            raise InvalidInput(f"{index}.serial" if is_list else "serial", detail)
+
+
 def battery_routes(context: Context) -> ServiceRouter:
     """/v1/providers/{provider_id}/batteries and /{battery_id}: POST, GET and DELETE."""
     router = ServiceRouter(tags=("drones",), prefix="/v1/providers/{provider_id}/batteries")
@@ -79,10 +85,9 @@ def battery_routes(context: Context) -> ServiceRouter:
             created_at=context.clock.now(),
         )
 
-    async def rows_of(
-        connection: AsyncConnection, provider_id: ProviderId, requested: NewBatteries
+    def rows_of(
+        requested: NewBatteries, provider_id: ProviderId, models: Mapping[DroneModelId, DroneModel]
     ) -> list[NewBatteryRow]:
-        models = await store.every_model(connection)
         if not isinstance(requested, list):
             return [row_of(requested, provider_id, models.get(requested.model_id))]
         rows = []
@@ -92,21 +97,6 @@ def battery_routes(context: Context) -> ServiceRouter:
                 if any(each.serial == other.serial for other in requested[:index]):
                     raise InvalidInput("serial", f"{each.serial!r} stands twice in this list")
         return rows
-
-    async def must_be_new(
-        connection: AsyncConnection,
-        provider_id: ProviderId,
-        rows: list[NewBatteryRow],
-        *,
-        is_list: bool,
-    ) -> None:
-        await battery_store.refuse_too_many(connection, provider_id, new=len(rows))
-        serials = [each.requested.serial for each in rows]
-        taken = await battery_store.taken_serials(connection, provider_id, serials)
-        for index, serial in enumerate(serials):
-            if serial in taken:
-                detail = f"{serial!r} belongs to another of your batteries"
-                raise InvalidInput(f"{index}.serial" if is_list else "serial", detail)
 
     @router.post(
         "",
@@ -126,13 +116,15 @@ def battery_routes(context: Context) -> ServiceRouter:
         if query.dry_run:
             async with context.db.read() as connection:
                 await providers.of_caller(connection, caller, provider_id=provider_id)
-                rows = await rows_of(connection, provider_id, requested)
-                is_list = isinstance(requested, list)
-                await must_be_new(connection, provider_id, rows, is_list=is_list)
+                rows = rows_of(requested, provider_id, await store.every_model(connection))
+                await battery_store.refuse_too_many(connection, provider_id, new=len(rows))
+                serials = [each.requested.serial for each in rows]
+                taken = await battery_store.taken_serials(connection, provider_id, serials)
+            _refuse_taken(serials, taken, is_list=isinstance(requested, list))
             return Response(status_code=204)
         async with context.db.write() as tx:
             await providers.of_caller(tx.connection, caller, provider_id=provider_id)
-            rows = await rows_of(tx.connection, provider_id, requested)
+            rows = rows_of(requested, provider_id, await store.every_model(tx.connection))
             await battery_store.add(tx, rows)
             ids = [each.battery_id for each in rows]
             stored = await battery_store.some(tx.connection, provider_id, ids)

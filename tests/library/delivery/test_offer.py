@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from skyway.delivery.offer import (
+    MOST_OF_TRIP,
     OfferValues,
     Price,
     Tariff,
@@ -15,6 +16,7 @@ from skyway.delivery.offer import (
     total_price,
 )
 from skyway.delivery.qos import Priority, Weights
+from skyway.delivery.request import MAX_PACKAGES
 from skyway.ids import DroneId, ProviderId
 
 
@@ -30,6 +32,16 @@ def test_a_price_adds_up_base_distance_mass_and_recharging() -> None:
     price = price_of(tariff, distance_m=10_500, payload_kg=2.5, recharging_s=600)
 
     assert (price.amount, price.currency) == (500 + 210 + 250 + 20, "USD")
+
+
+@pytest.mark.parametrize("rate", ["base", "per_km", "per_kg", "per_recharge_minute", "minimum"])
+def test_the_dearest_tariff_has_a_price_that_a_delivery_of_many_trips_can_sum(rate: str) -> None:
+    tariff = Tariff.model_validate({rate: 10**12, "priority_factor": 10})
+
+    price = price_of(tariff, distance_m=1e9, payload_kg=1e4, recharging_s=1e9, priority="PRIORITY")
+
+    assert price.amount == MOST_OF_TRIP
+    assert Price.read(total_price([price] * MAX_PACKAGES).model_dump_json())
 
 
 def test_a_price_is_never_below_the_minimum() -> None:
