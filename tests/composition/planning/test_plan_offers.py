@@ -133,7 +133,7 @@ async def test_the_lowest_price_is_the_tariff_for_the_shortest_way(
     skyway = await composition.parts.networks.current("row")
     tariffs = [
         {"per_km": 1_000_000},
-        {"per_recharge_minute": 60_000_000},
+        {"per_recharge_minute": 600_000},
         {"base": 1, "per_km": 100, "per_kg": 37, "per_recharge_minute": 3},
         {"base": 5, "per_km": 33, "minimum": 90_000},
     ]
@@ -154,7 +154,7 @@ async def test_the_lowest_price_is_the_tariff_for_the_shortest_way(
             each.tariff,
             distance_m=length / 1_000,
             payload_kg=request.payload_kg,
-            recharging_s=charging / 1_000_000,
+            recharging_s=charging / 10_000,
         ).amount
         for each in candidates[2:]
     ]
