@@ -1,11 +1,12 @@
 """GET /v1/places: the stations that would serve a place, for forms that show them before."""
 
 from collections.abc import Sequence
-from typing import Annotated, Self
+from typing import Annotated
 
 from fastapi import Query
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError
 
+from skyway.errors import InvalidInput
 from skyway.geo import Position
 from skyway.json_model import JsonModel, QueryModel
 from skyway.runtime.http.answers import conflicts
@@ -16,7 +17,6 @@ from skyway_gateway.places.customer_request import (
     Address,
     CustomerPlace,
     Latitude,
-    Location,
     Longitude,
     PlusCode,
     WalkLimit,
@@ -34,25 +34,24 @@ class PlaceQuery(QueryModel):
     longitude: Longitude | None = None
     max_walk_m: WalkLimit | None = None
 
-    @model_validator(mode="after")
-    def _is_whole(self) -> Self:
-        if (self.latitude is None) != (self.longitude is None):
-            raise ValueError("latitude and longitude are given together")
-        self.place  # noqa: B018 - refuses none and several
-        return self
-
-    @property
     def place(self) -> CustomerPlace:
-        """The place in the form of a request."""
-        location = None
-        if self.latitude is not None and self.longitude is not None:
-            location = Location(latitude=self.latitude, longitude=self.longitude)
-        return CustomerPlace(
-            location=location,
-            plus_code=self.plus_code,
-            address=self.address,
-            max_walk_m=self.max_walk_m,
-        )
+        """The place in the form of a request; it is checked after the caller is.
+
+        Raises
+        ------
+        InvalidInput
+            The query names no place, half of one, or several.
+        """
+        given = dict(self)
+        ends = {name: given.pop(name) for name in ("latitude", "longitude")}
+        if None in ends.values() and any(end is not None for end in ends.values()):
+            raise InvalidInput("query", "latitude and longitude are given together")
+        location = None if None in ends.values() else ends
+        try:
+            return CustomerPlace.model_validate({**given, "location": location})
+        except ValidationError as error:
+            words = error.errors()[0]["msg"].removeprefix("Value error, ")
+            raise InvalidInput("query", words) from error
 
 
 class PlaceCandidate(JsonModel):
@@ -88,7 +87,7 @@ def place_routes(*, places: PlaceServer) -> ServiceRouter:
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        return _shown(await places.candidates(query.place, who=str(caller)))
+        return _shown(await places.candidates(query.place(), who=str(caller)))
 
     return router
 

@@ -37,8 +37,6 @@ _SEPARATORS: Final = (",", ";", "\t")
 _FileArgument = Annotated[
     Path,
     typer.Argument(
-        exists=True,
-        dir_okay=False,
         help="A CSV file in UTF-8 with a line of column names; comma, semicolon or tab between "
         "values.",
     ),
@@ -217,6 +215,8 @@ def _rows_of(file: Path, kind: _Kind) -> list[_Row]:
                     rows.append(_row_of(values, names, reader.line_num + 1, file, kind))
                 if len(rows) > _MOST_ROWS:
                     fail(f"{file} has more than the limit of {_MOST_ROWS} rows")
+    except OSError as error:
+        fail(f"{file} cannot be read: {error.strerror}")
     except (UnicodeDecodeError, csv.Error) as error:
         fail(f"{file} is no CSV file in UTF-8: {error}")
     if not rows:
