@@ -84,6 +84,7 @@ def test_a_request_too_heavy_for_one_drone_is_flown_in_two_trips(system: Any) ->
 
 
 # PostgreSQL lets many write at the same time; the embedded database has one writer.
+@pytest.mark.long
 @pytest.mark.storage_pair("postgresql-mosquitto")
 def test_many_simultaneous_requests_for_few_pads_all_end_without_double_booking(
     system: Any,

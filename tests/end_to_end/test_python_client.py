@@ -9,7 +9,11 @@ from typing import Any
 
 import pytest
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("embedded")]
+pytestmark = [
+    pytest.mark.end_to_end,
+    pytest.mark.long,
+    pytest.mark.storage_pair("embedded"),
+]
 
 ROOT = Path(__file__).parents[2]
 STORIES = Path(__file__).parent / "client_stories"
@@ -59,7 +63,6 @@ def test_the_python_client_repeats_only_what_does_nothing_twice(client: Path) ->
     assert run(sys.executable, story, cwd=client, PYTHONPATH=str(client)) == "GOOD\n"
 
 
-@pytest.mark.long
 def test_a_shop_orders_follows_and_verifies_with_the_python_client(
     client: Path, system: Any, tmp_path: Path
 ) -> None:
