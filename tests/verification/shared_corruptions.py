@@ -38,7 +38,9 @@ SHARED_CORRUPTIONS: Final = (
     Corruption(
         "a price that rises on a shared trip",
         "a pooled price is paid together, and is no higher than the price alone",
-        composition=_CHANGE + "'$[1].pooled_price.amount', 999999) WHERE shares IS NOT NULL",
+        composition="UPDATE missions SET shares = json_set("
+        "json_remove(shares, '$[1].pooled_price.line_items'), "
+        "'$[1].pooled_price.amount', 999999) WHERE shares IS NOT NULL",
     ),
     Corruption(
         "a guest that is picked up further away than it allows",
