@@ -19,9 +19,9 @@ MOST_LINES: Final = {"services/skyway_composition": 31_033, "skyway/runtime": 11
 #: Files of composition that import `MissionRecord`.
 MOST_IMPORTERS: Final = 40
 
-#: Files that a delivery passes, as `tools/trace_delivery.py` counts them: 175 to 180, and 18 more
+#: Files that a delivery passes, as `tools/trace_delivery.py` counts them: about 190, and up to 24 more
 #: on a busy machine, where a late drone gets another plan.
-MOST_DOMAIN_FILES: Final = 196
+MOST_DOMAIN_FILES: Final = 214
 
 
 @pytest.mark.parametrize("folder", MOST_LINES)

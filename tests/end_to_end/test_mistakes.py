@@ -35,7 +35,7 @@ COMMANDS: Final[tuple[tuple[tuple[str, ...], str], ...]] = (
     (("request", HERE, "-p", THERE), "write --package PLACE=KG"),
     (("request", HERE, "-p", f"{HERE}=1"), "is the pickup: choose another station"),
     (("request", HERE), "give a pickup and at least one --package"),
-    (("request", "Oops S1", "-p", f"{THERE}=1"), "pickup.station_id"),
+    (("request", "Oops S9", "-p", f"{THERE}=1"), "the embedded geocoder knows names"),
     (("request", HERE, "-p", f"{THERE}=1", "--objective", "quickest"), "'quickest' is not one of"),
     (
         ("request", HERE, "-p", f"{THERE}=1", "--latest", "2020-01-01T00:00:00Z"),
@@ -91,7 +91,7 @@ CALLS: Final[tuple[tuple[str, str, Any, str], ...]] = (
         "earliest_pickup_at: must be a moment",
     ),
     ("POST", "/v1/delivery", REQUEST, "no call has the path /v1/delivery"),
-    ("PATCH", "/v1/deliveries/dlv_1", {}, "PATCH is no method of this path"),
+    ("PUT", "/v1/deliveries/dlv_1", {}, "PUT is no method of this path"),
     ("GET", "/v1/deliveries?limit=1000", None, "limit: must be at most 200"),
     ("GET", "/v1/deliveries?state=DONE", None, "state: must be 'SCHEDULED'"),
     ("GET", "/v1/alarms", None, "this is for the role provider or operator, not customer"),
