@@ -19,8 +19,8 @@ MOST_LINES: Final = {"services/skyway_composition": 31_033, "skyway/runtime": 11
 #: Files of composition that import `MissionRecord`.
 MOST_IMPORTERS: Final = 40
 
-#: Files that a delivery passes, as `tools/trace_delivery.py` counts them: about 190, and up to 24 more
-#: on a busy machine, where a late drone gets another plan.
+#: Files that a delivery passes, as `tools/trace_delivery.py` counts them: about 190, and up to 24
+#: more on a busy machine, where a late drone gets another plan.
 MOST_DOMAIN_FILES: Final = 214
 
 
