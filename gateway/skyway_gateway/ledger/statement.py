@@ -84,7 +84,7 @@ class Statement(JsonModel):
     items: Annotated[StatementItems, Field(description="The sums by kind of line.")]
     closed_at: Annotated[
         FleetMoment | None,
-        Field(description="Since when the month never changes any more; null while it is open."),
+        Field(description="When the month was closed; null while it is open."),
     ]
 
 

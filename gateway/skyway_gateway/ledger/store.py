@@ -79,7 +79,9 @@ async def lines_page(
 async def lock_lines(tx: Tx, mission_id: str) -> list[LedgerLine]:
     """All lines of a mission in order, locked: nobody adds another line meanwhile."""
     statement = select(ledger).where(ledger.c.mission_id == mission_id).order_by(ledger.c.number)
-    return [_line_of(row) for row in await tx.execute(statement.with_for_update())]
+    await tx.execute(statement.with_for_update())
+    # Read after the lock: who waited for it does not see in the same statement what was added.
+    return [_line_of(row) for row in await tx.execute(statement)]
 
 
 def _sums(role: str) -> _Query:

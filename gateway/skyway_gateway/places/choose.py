@@ -10,7 +10,7 @@ from skyway_gateway.places.customer_request import CustomerPlace, CustomerReques
 from skyway_gateway.places.geocoder import FoundPlace
 from skyway_gateway.places.station_map import Area, Walk
 
-#: Of an ambiguous address, so much of each label is named.
+#: The characters of each label that are shown for an ambiguous address.
 _SHOWN: Final = 60
 
 

@@ -114,9 +114,10 @@ def _places(document: Any) -> Iterator[FoundPlace]:  # any JSON
         try:
             geometry, properties = feature["geometry"], feature.get("properties") or {}
             position = _POSITION.validate_python(geometry["coordinates"][:2])
+            place = FoundPlace(_label(properties), position)
         except (TypeError, KeyError, AttributeError, ValidationError):
             continue
-        yield FoundPlace(_label(properties), position)
+        yield place
 
 
 def _label(properties: Mapping[str, Any]) -> str:  # any JSON

@@ -32,7 +32,7 @@ class Locator:
         Raises
         ------
         InvalidInput
-            The plus code is none, or too short; or the geocoder does not find the address.
+            The plus code is invalid or too short; or the geocoder does not find the address.
         BudgetSpent
             TENANT_REQUESTS: the tenant has sent too much. GEOCODING: too many of its addresses
             wait.
@@ -53,6 +53,8 @@ class Locator:
             raise InvalidInput(field, "is not a plus code, such as 76X3VHMC+8R")
         if openlocationcode.isFull(code):
             return (_area_of(code, code, field),)
+        if not openlocationcode.isShort(code):
+            raise InvalidInput(field, "is no place on Earth")
         if not reference:
             raise InvalidInput(
                 field, "is a short plus code: put a reference place after it, as V3M5+88 San Marcos"

@@ -26,7 +26,7 @@ from skyway_gateway.short_wait import ShortWait
 #: The most different places of a request that are located; stations that are named do not count.
 MOST_LOCATED: Final = 20
 
-#: So near to a station, exchanged coordinates are what went wrong.
+#: If swapped coordinates lie this near to a station, the answer says that they look swapped.
 _SWAPPED_WITHIN_M: Final = 50_000.0
 
 

@@ -72,7 +72,7 @@ def served_request(
     places = tuple(walks_of)
     for _, station_id, number in others:
         variant = _at(requested, {**nearest, places[number]: station_id}, nearest)
-        # A place that only alternatives name changes nothing.
+        # A place that is used only as an alternative makes no new variant.
         if variant not in variants and variant.pickup.station_id not in variant.destinations:
             variants.append(variant)
         if len(variants) == MOST_VARIANTS:

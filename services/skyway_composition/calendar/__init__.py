@@ -1,4 +1,4 @@
-"""Whether the world has moved since something was planned: one way to see it for all who plan.
+"""Detects changes between planning and commit, in one way for everything that plans.
 
 Each plan is made with a snapshot of what was read: the state of the network, and the number of each
 drone's calendar. `attempts` is the loop in which every cause proposes its change and commits it.

@@ -1,5 +1,6 @@
 """Statements: both sides add up, each party sees its own, and a closed month never changes."""
 
+import asyncio
 import csv
 import json
 from datetime import UTC, datetime, timedelta
@@ -165,6 +166,18 @@ async def test_a_correction_of_a_closed_month_counts_in_the_present_month(
     customer, provider = await asked(gateway, month=APRIL)
     assert customer["amount"] == provider["amount"] == -234
     assert customer["items"]["correction"] == -234
+
+
+async def test_corrections_at_the_same_moment_are_all_added(gateway_on_both: Gateway) -> None:
+    delivery_id = await delivered(gateway_on_both)
+    mission_id = (await gateway_on_both.get(delivery_id))["missions"][0]["mission_id"]
+
+    answers = await asyncio.gather(
+        *(posted(gateway_on_both, mission_id=mission_id, amount=-1, note="?") for _ in range(5))
+    )
+
+    numbers = sorted(answer.json()["number"] for answer in answers)
+    assert numbers == list(range(numbers[0], numbers[0] + 5))
 
 
 @pytest.mark.parametrize(

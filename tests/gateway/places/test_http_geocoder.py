@@ -78,6 +78,16 @@ async def test_photon_pelias_and_nominatim_are_read(
     assert await geocoder.find("Rathaus") == ((label, Position(16.4, 48.2)),)
 
 
+@pytest.mark.parametrize("properties", ["text", ["list"], 5])
+async def test_features_with_strange_properties_are_left_out(
+    opened: Opened, properties: object
+) -> None:
+    strange = {**feature(16.4, 48.2), "properties": properties}
+    geocoder = opened(Server(lambda: collection(strange, feature(1, 2, label="good"))))
+
+    assert await geocoder.find("x") == (("good", Position(1, 2)),)
+
+
 async def test_the_address_is_quoted_and_asked_once(opened: Opened, clock: ManualClock) -> None:
     server = Server(lambda: collection(feature(16.4, 48.2)))
     geocoder = opened(server)

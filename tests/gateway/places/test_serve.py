@@ -89,6 +89,7 @@ async def test_a_plus_code_is_a_place_full_or_short(gateway: Gateway) -> None:
         ("nothing", "is not a plus code"),
         ("V3M5+8", "is not a plus code"),
         ("V3M5+88", "put a reference place after it"),
+        ("F6X3VHMC+8R San Marcos", "is no place on Earth"),
         ("V3M5+88 12 High Street", "is not found: the embedded geocoder"),
         ("76X40000+", "has 4 digits and means a whole region"),
         ("8FVC9G8F+6W", "no station lies within max_walk_m, 1000 m; the nearest"),  # Zurich

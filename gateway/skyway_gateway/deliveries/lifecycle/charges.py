@@ -27,7 +27,7 @@ _BY_CUSTOMER: Final = frozenset(
 
 
 def with_charges(progress: Progress, *, host_delay: timedelta) -> Progress:
-    """The delivery; missions whose packages are all settled now have what their customer pays.
+    """The delivery with the charge of each mission whose packages are all settled.
 
     A charge never changes later. `host_delay` is the lateness that does not count.
     """

@@ -99,8 +99,8 @@ _HORIZON_MS: Final = 24 * 3600 * 1000
 #: Searches of one booking; then it books what is free. Our own choice.
 _MOST_SEARCHES: Final = 3
 
-#: The service whose pads count as reserved; its mission is not booked yet.
-_THE_SERVICE: Final = MissionId("")
+#: Stands for the mission of the offer that is being planned: its pads count as reserved.
+_UNBOOKED_MISSION: Final = MissionId("")
 
 #: Plans the offers of a booking in a world, within limits.
 PlanOffers = Callable[[World, Limits], Awaitable[Offers]]
@@ -111,7 +111,7 @@ Pause = Callable[[float], Awaitable[None]]
 
 @dataclass(frozen=True, slots=True)
 class Blocked:
-    """A booking whose best offer may have to wait for standbys; None: it has no offer."""
+    """A booking whose best offer may have to wait for standbys. `best` is None without an offer."""
 
     asked: BookMissions | KeepOffer
     world: World
@@ -243,7 +243,7 @@ class WaySearch:
         """Plan other standbys of QUEUED missions, and then the offer beside them."""
         moves: list[MovedStandby] = []
         for each in standbys:
-            pads = {_THE_SERVICE: needed, **_pads_after(moves)}
+            pads = {_UNBOOKED_MISSION: needed, **_pads_after(moves)}
             world = blocked.world.instead(pads).without([each.mission_id])
             moved = await self._moved(each, world)
             if moved is None:
@@ -252,7 +252,14 @@ class WaySearch:
         if not moves:
             return None
         offers = await plan(blocked.world.instead(_pads_after(moves)), blocked.sooner)
-        return ClearedWay(offers.ranked[0], tuple(moves)) if offers.ranked else None
+        moving = {each.standby.drone_id for each in moves}
+        # A drone whose standby moves is free at another time and place: its offers do not hold.
+        others = [
+            offer
+            for offer in offers.ranked
+            if moving.isdisjoint(part.candidate.drone_id for part in offer.parts)
+        ]
+        return ClearedWay(others[0], tuple(moves)) if others else None
 
     async def _moved(self, standby: YieldingStandby, world: World) -> MovedStandby | None:
         async with self.context.db.read() as connection:

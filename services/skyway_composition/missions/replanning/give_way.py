@@ -37,8 +37,8 @@ log = logging.getLogger(__name__)
 #: A mission with this many revisions keeps its remaining revisions for dangers. Our own choice.
 _MOST_REVISIONS: Final = 20
 
-#: The service whose pads count as reserved; its mission is not booked yet.
-_THE_SERVICE: Final = MissionId("")
+#: Stands for the mission of the offer that is being planned: its pads count as reserved.
+_UNBOOKED_MISSION: Final = MissionId("")
 
 _WHY: Final = Trouble(code=GIVE_WAY, detail="another drone's service needs a pad of the standby")
 
@@ -91,7 +91,7 @@ class StandbyRequests:
         world = await World.of(
             skyway, self.context.db, after_ms=self.context.now_ms, without=[record.mission_id]
         )
-        world = world.instead({_THE_SERVICE: needed}).for_drone(record.candidate.learned)
+        world = world.instead({_UNBOOKED_MISSION: needed}).for_drone(record.candidate.learned)
         await world.weather(situation.model, self.context.now_ms)
         closed = ClosedAhead.of(world, now_ms=self.context.now_ms).for_model(situation.model)
         return Case(situation, _WHY, world, closed)

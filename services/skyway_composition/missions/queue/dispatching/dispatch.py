@@ -308,9 +308,15 @@ class Dispatcher:
 
         With many fleets it rests between them, so that searches leave the processors to bookings.
         """
+        failures = []
         for network_id, provider_id in await self.finder.fleets():
             await asyncio.sleep(self.finder.search.rest_s)
-            await self.look_at(network_id, provider_id)
+            try:
+                await self.look_at(network_id, provider_id)
+            except Exception as error:  # noqa: BLE001 - one fleet must not stop the others
+                failures.append(error)
+        if failures:
+            raise ExceptionGroup("fleets not dispatched", failures)
         return False
 
     async def look_at(self, network_id: NetworkId, provider_id: ProviderId) -> str:

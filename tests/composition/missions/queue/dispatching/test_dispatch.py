@@ -427,7 +427,7 @@ async def test_bookings_go_on_while_orders_are_adopted(migrated_url: str) -> Non
         assert set(booked) <= {"BOOKED", "BUSY"}
 
 
-async def test_a_look_at_many_fleets_rests_before_each_of_them() -> None:
+async def test_a_look_at_many_fleets_rests_before_each_and_passes_those_that_fail() -> None:
     seen: list[str] = []
 
     class Finder:
@@ -441,10 +441,13 @@ async def test_a_look_at_many_fleets_rests_before_each_of_them() -> None:
 
         async def find(self, _network_id: str, provider_id: str) -> str:
             seen.append(provider_id)
+            if provider_id == "prv_1":
+                raise ValueError(provider_id)
             return "unsearched"
 
     anything: Any = None
     finder: Any = Finder()
-    await Dispatcher(anything, finder).step()
+    with pytest.raises(ExceptionGroup, match="fleets not dispatched"):
+        await Dispatcher(anything, finder).step()
 
     assert seen == ["rest", "prv_1", "rest", "prv_2"]
