@@ -13,12 +13,10 @@ from skyway_composition.links.store import lock_links
 from skyway_composition.missions.interventions import cancel
 from skyway_composition.missions.interventions.stop_packages import release_queued
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, adopt
-from skyway_composition.missions.queue.dispatching.dispatch import Dispatcher
 from skyway_composition.missions.queue.dispatching.search_process import (
     FoundOrder,
     Search,
     SearchFailed,
-    SearchProcess,
 )
 from skyway_composition.tables import drone_links, stations
 from skyway_provider_registry.presence.store import store_reports
@@ -425,29 +423,3 @@ async def test_bookings_go_on_while_orders_are_adopted(migrated_url: str) -> Non
         await world.check()
         assert "adopted" in outcomes or "outdated" in outcomes or "taken" in outcomes
         assert set(booked) <= {"BOOKED", "BUSY"}
-
-
-async def test_a_look_at_many_fleets_rests_before_each_and_passes_those_that_fail() -> None:
-    seen: list[str] = []
-
-    class Finder:
-        @property
-        def search(self) -> SearchProcess:
-            seen.append("rest")
-            return SearchProcess()
-
-        async def fleets(self) -> list[tuple[str, str]]:
-            return [("net", "prv_1"), ("net", "prv_2")]
-
-        async def find(self, _network_id: str, provider_id: str) -> str:
-            seen.append(provider_id)
-            if provider_id == "prv_1":
-                raise ValueError(provider_id)
-            return "unsearched"
-
-    anything: Any = None
-    finder: Any = Finder()
-    with pytest.raises(ExceptionGroup, match="fleets not dispatched"):
-        await Dispatcher(anything, finder).step()
-
-    assert seen == ["rest", "prv_1", "rest", "prv_2"]
