@@ -125,7 +125,7 @@ class PersonalData(DeliveryDetails):
         return {name: value for name, value in given.items() if value}
 
 
-#: What a delivery has whose customer said nothing.
+#: Empty personal data.
 NO_DATA: Final = PersonalData()
 
 
@@ -141,5 +141,7 @@ def require_packages(named: Iterable[PackageId], known: Iterable[PackageId]) -> 
     for number, package_id in enumerate(named):
         if package_id not in left:
             field = f"packages.{number}.package_id"
-            raise InvalidInput(field, f"{package_id!r} is no package, or it stands twice")
+            raise InvalidInput(
+                field, f"{package_id!r} is not a package of this delivery, or is listed twice"
+            )
         left.remove(package_id)

@@ -1,7 +1,7 @@
 """A geocoder over HTTP that answers GeoJSON, as Photon, Pelias and Nominatim do.
 
-The URL is the operator's, so its host is not checked. Its answers are: their size, their form, and
-each position. No address is logged.
+The URL is the operator's, so its host is trusted. Its answers are checked: their size, their form,
+and each position. No address is logged.
 """
 
 import asyncio

@@ -1,4 +1,4 @@
-"""The only loop that commits what was planned, or has it planned again.
+"""Commits a planned change; if the world has changed, asks for a new plan.
 
 A cause is why calendars change: a booking, a hold, a queue, a better order, a new plan in flight, a
 drone that gives way, or a cancellation. It reads the world, asks the solver, and proposes a change,

@@ -27,6 +27,6 @@ async def calendar_versions(
 
 
 async def raise_versions(tx: Tx, drone_ids: Collection[DroneId]) -> None:
-    """Note that the calendars of locked drones change in this transaction."""
+    """Raise the calendar versions of locked drones in this transaction."""
     if drone_ids:
         await tx.execute(_RAISE, {"drone_ids": [*drone_ids]})

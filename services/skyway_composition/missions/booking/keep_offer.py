@@ -263,7 +263,7 @@ class OfferKeeper:
     async def keep(self, asked: KeepOffer) -> KeptOffer:
         """The hold that keeps the offer: as it was planned if that still fits, else planned again.
 
-        A repeated call finds what an earlier one has held, whose caller may have died.
+        A repeated call finds the earlier hold, even if the earlier caller crashed.
         """
         acceptance = _Acceptance(self, asked)
         seen = await acceptance.look()

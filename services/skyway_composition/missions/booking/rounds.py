@@ -149,7 +149,7 @@ class OfferRounds(Generic[DoneT]):
             drone_ids, own_hold = this_round.shortlist.drone_ids, self.demand.own_hold
             now = await calendars_of(self.context, drone_ids, own_hold=own_hold)
             self.seen = replace(self.seen, calendars=now)
-        # The pads may still be free.
+        # Another calendar has changed; the pads of the offer may still be free.
         self._round = None if self.seen.calendars == before else this_round
 
     async def _begin_round(self) -> _Round | Booking:

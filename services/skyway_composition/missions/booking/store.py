@@ -272,7 +272,7 @@ def _booked(
         BookedMission(
             drone_id=DroneId(drone_id),
             mission_id=None if mission_id is None else MissionId(mission_id),
-            # A mission that is over here comes before every mission that is not.
+            # A mission that has ended here, but that the drone still reports, comes first.
             start_ms=-1 if start_ms is None else start_ms,
             stays=() if stays is None else read_stays(stays),
             start=None if candidate is None else _start(candidate, start_ms),

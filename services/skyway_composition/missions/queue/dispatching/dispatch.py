@@ -168,7 +168,7 @@ class OrderFinder:
     async def _searched_order(
         self, fleet: Fleet, world: World, times: Moments, *, pools: bool
     ) -> MergedOrder | None:
-        """The order that the search proposes, if it pools with shared trips; None if it fails."""
+        """The order that the search proposes, with shared trips if `pools`; None if it fails."""
         skyway = world.skyway
         async with self.context.db.read() as connection:
             held = await booked_everywhere(connection, skyway.network_id, moment_ms=times.now_ms)
