@@ -7,10 +7,8 @@ from typing import Annotated
 
 from fastapi import Depends, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
-from pydantic import Discriminator, Field, Tag
 
 from skyway.cells import CellClients
-from skyway.contracts.drones import MOST_NEW_DRONES
 from skyway.contracts.station_check import StationCheck
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneId, DroneModelId, NetworkId, ProviderId
@@ -33,7 +31,6 @@ from skyway_provider_registry.fleets.drone import (
     NewDrone,
     RegisteredDrone,
 )
-from skyway_provider_registry.fleets.dry_run import GOOD_DRY_RUN, DryRun
 from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.fleets.registration import (
     PreparedDrones,
@@ -45,6 +42,7 @@ from skyway_provider_registry.fleets.registration import (
     store_drones,
     taken_faults,
 )
+from skyway_provider_registry.fleets.registration_forms import GOOD_DRY_RUN, DryRun, OneOrMany
 from skyway_provider_registry.fleets.statistics_store import FleetStatistics, totals
 from skyway_provider_registry.fleets.store import every_model
 from skyway_provider_registry.homes import StationLookup
@@ -190,20 +188,7 @@ def fleet_statistics_routes(context: Context) -> ServiceRouter:
     return router
 
 
-def _form_of(body: object) -> str:
-    return "list" if isinstance(body, list) else "object"
-
-
-#: One drone, or a whole fleet in one call.
-NewDrones = Annotated[
-    Annotated[NewDrone, Tag("object")]
-    | Annotated[
-        list[NewDrone],
-        Field(min_length=1, max_length=MOST_NEW_DRONES, fail_fast=True),
-        Tag("list"),
-    ],
-    Discriminator(_form_of),
-]
+NewDrones = OneOrMany[NewDrone]
 
 
 def registration_routes(

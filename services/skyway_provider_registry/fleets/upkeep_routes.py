@@ -6,9 +6,7 @@ from functools import partial
 from typing import Annotated
 
 from fastapi import Depends, Query, Response
-from pydantic import Discriminator, Field, Tag
 
-from skyway.contracts.drones import MOST_NEW_DRONES
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidInput
 from skyway.ids import BatteryId, DroneId, DroneModelId, ProviderId
@@ -28,27 +26,13 @@ from skyway_provider_registry.fleets.battery import (
     RegisteredBatteries,
 )
 from skyway_provider_registry.fleets.drone import Drone
-from skyway_provider_registry.fleets.dry_run import GOOD_DRY_RUN, DryRun
+from skyway_provider_registry.fleets.registration_forms import GOOD_DRY_RUN, DryRun, OneOrMany
 from skyway_provider_registry.presence import maintenance_store
 from skyway_provider_registry.presence.store import touch
 from skyway_provider_registry.presence.wear import MaintenanceRule, ModelMaintenance
 from skyway_provider_registry.providers import store as providers
 
-
-def _form_of(body: object) -> str:
-    return "list" if isinstance(body, list) else "object"
-
-
-#: One battery, or many in one call.
-NewBatteries = Annotated[
-    Annotated[NewBattery, Tag("object")]
-    | Annotated[
-        list[NewBattery],
-        Field(min_length=1, max_length=MOST_NEW_DRONES, fail_fast=True),
-        Tag("list"),
-    ],
-    Discriminator(_form_of),
-]
+NewBatteries = OneOrMany[NewBattery]
 
 
 @contextmanager
