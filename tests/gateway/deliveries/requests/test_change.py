@@ -174,7 +174,7 @@ async def test_a_delivery_that_is_over_is_not_changed(gateway: Gateway) -> None:
     ("body", "field", "detail"),
     [
         ({"recipient": {"phone": "+15125550100"}}, "recipient.name", "is missing"),
-        ({"packages": [{"package_id": "p9"}]}, "packages.0.package_id", "is no package"),
+        ({"packages": [{"package_id": "p9"}]}, "packages.0.package_id", "is not a package"),
         ({"metadata": None}, "metadata", "may be left out, but not null"),
         ({"recipient": {"name": None}}, "recipient.name", "may be left out, but not null"),
         ({"provider_id": "prv_1"}, "provider_id", "is not a known field"),
