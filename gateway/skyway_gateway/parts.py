@@ -34,6 +34,7 @@ from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
 from skyway_gateway.deliveries.requests.change import Changer
+from skyway_gateway.deliveries.requests.plan_change import ChangePlanner
 from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
 from skyway_gateway.forward.table import TenantLimit
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
@@ -137,7 +138,14 @@ class Parts:
     def changer(self) -> Changer:
         """Changes deliveries."""
         return Changer(
-            self.db, self.checks, self.writer, self.clock, self.horizon, self.personal_kept
+            self.db,
+            ChangePlanner(self.places, self.quote_maker),
+            self.composition,
+            self.writer,
+            self.clock,
+            self.horizon,
+            self.personal_kept,
+            self.booking.queued,
         )
 
     @property
