@@ -135,6 +135,8 @@ class FakeComposition:
     margins: Margins = field(default_factory=Margins)
     #: The price and the terms of every mission, by their names.
     priced: dict[str, object] = field(default_factory=dict)
+    #: The price of every offer, by its name.
+    offered: dict[str, object] = field(default_factory=dict)
     #: How many packages one trip carries; each trip uses another candidate.
     packages_per_trip: int = 100
     #: The pickup of first bookings, and how far it is from that of the request.
@@ -200,7 +202,7 @@ class FakeComposition:
         return QuoteAnswer(
             offers=tuple(
                 make_terms(query.request, one, self.clock.now()).model_copy(
-                    update={"is_held": query.hold is not None}
+                    update={"is_held": query.hold is not None, **self.offered}
                 )
                 for one in query.candidates
             ),

@@ -5,6 +5,7 @@ from typing import Any, Final
 
 import pytest
 
+from skyway.delivery.offer import Price
 from tests.gateway.deliveries.requests.test_change import change, changes_of
 from tests.gateway.whole_gateway import Gateway
 
@@ -125,6 +126,8 @@ async def test_an_accepted_offer_is_promised_anew_by_its_tariff(gateway: Gateway
     accepted = (await gateway.get(delivery_id))["offer"]
     [candidate] = gateway.registry.candidates_now
     dearer = candidate.tariff.model_copy(update={"base": candidate.tariff.base + 500})
+    price = Price(amount=accepted["price"]["amount"] + 300, currency="USD")
+    gateway.composition.offered["price"] = price
     gateway.registry.candidates_now[:] = [candidate.model_copy(update={"tariff": dearer})]
 
     shown = (await change(gateway, delivery_id, packages=[ELSEWHERE])).json()
@@ -134,6 +137,7 @@ async def test_an_accepted_offer_is_promised_anew_by_its_tariff(gateway: Gateway
     assert asked[accepted["provider_id"]].model_dump(mode="json") == accepted["tariff"]
     assert shown["offer"]["provider_id"] == accepted["provider_id"]
     assert shown["offer"]["tariff"] == accepted["tariff"]
+    assert shown["offer"]["price"]["amount"] == price.amount
     assert (await gateway.get(delivery_id))["offer"] == shown["offer"]
 
 
