@@ -55,6 +55,15 @@ class NetworkSettings(JsonModel):
             description="Planned time to hand over at a destination, seconds, 0 to one day.",
         ),
     ] = 30.0
+    proof_s: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=600,
+            description="Planned time to wait for the proof of a hand-over, seconds, 0 to 600. It "
+            "is added to `dropoff_s` if some package of the request needs a proof.",
+        ),
+    ] = 30.0
     energy_margin: Annotated[
         float,
         Field(
