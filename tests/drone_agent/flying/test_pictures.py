@@ -28,7 +28,7 @@ class Uploads:
         self.came: asyncio.Queue[tuple[str, str, bytes]] = asyncio.Queue()
         self._loop = loop
 
-    def take(self, path: str, kind: str, body: bytes) -> int:
+    def accept(self, path: str, kind: str, body: bytes) -> int:
         self._loop.call_soon_threadsafe(self.came.put_nowait, (path, kind, body))
         return self.answers.pop(0)
 
@@ -48,7 +48,7 @@ def _serving(made: Uploads) -> Iterator[None]:
     class Handler(BaseHTTPRequestHandler):
         def do_PUT(self) -> None:
             body = self.rfile.read(int(self.headers["Content-Length"]))
-            self.send_response(made.take(self.path, self.headers["Content-Type"], body))
+            self.send_response(made.accept(self.path, self.headers["Content-Type"], body))
             self.send_header("Content-Length", "0")
             self.end_headers()
 

@@ -2,6 +2,7 @@
 
 import logging
 from datetime import timedelta
+from functools import partial
 from typing import Final
 
 from skyway.contracts.drone_report import DroneEvent
@@ -14,6 +15,7 @@ from skyway_composition.missions.mission.proof_store import (
     proofs_of,
 )
 from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.share_views import owner_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 
 log = logging.getLogger(__name__)
@@ -33,7 +35,8 @@ async def handle_awaited_proofs(
         return
     since_at = event.started_at or event.ended_at
     until_at = since_at + timedelta(seconds=step.recipient_wait_s)
-    await add_awaited(work.tx, record, step, until_at=until_at)
+    owner = partial(owner_of, record)
+    await add_awaited(work.tx, record.mission_id, step, owner_of=owner, until_at=until_at)
     work.stage(
         report(
             work,

@@ -1,4 +1,4 @@
-"""Tells a drone that the proof of a package is there, so that it hands the package over."""
+"""Gives a proof: the drone that waits for it is instructed to hand the package over."""
 
 from functools import partial
 
@@ -6,10 +6,8 @@ from skyway.contracts.instruction import HandOverInstruction
 from skyway.contracts.mission import ProofAnswer
 from skyway.ids import DeliveryId, PackageId
 from skyway.runtime.errors import Conflict
-from skyway.units import moment_to_ms
 from skyway_composition.context import Context
 from skyway_composition.missions.mission.proof_store import Proof, last_proof, note_given
-from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, lock_mission
 
 
@@ -32,27 +30,24 @@ async def give_proof(
             work, record = await lock_mission(context, tx, proof.mission_id, provider_id=None)
             # Another call may have given the proof before this one had locked the mission.
             proof = await last_proof(tx.connection, delivery_id, package_id) or proof
-            if proof.given_at is None:
-                await _give(work, record, proof)
+        if proof.given_at is None:
+            await _refuse_if_over(work, proof)
+            await note_given(tx, proof, at_ms=context.now_ms)
+            draft = partial(
+                HandOverInstruction,
+                mission_id=proof.mission_id,
+                mission_revision=record.mission.revision,
+                step_id=proof.step_id,
+                package_ids=(proof.flying_id,),
+            )
+            await work.send(record.drone_id, draft, expires_at=proof.until_at)
         return ProofAnswer(until_at=proof.until_at)
 
 
-async def _give(work: MissionUnitOfWork, record: MissionRecord, proof: Proof) -> None:
-    """Note the proof, and tell the drone until when it counts."""
-    steps = await work.steps.of(record.mission_id)
-    is_planned = any(
-        each.step.step_id == proof.step_id and each.status == "PLANNED" for each in steps
-    )
-    now = work.clock.now()
-    if now > proof.until_at or not is_planned:
-        detail = f"{record.drone_id} waited until {proof.until_at.isoformat()}, and not any more"
+async def _refuse_if_over(work: MissionUnitOfWork, proof: Proof) -> None:
+    """Refuse a proof for which the drone waits no longer."""
+    steps = await work.steps.of(proof.mission_id)
+    planned = {each.step.step_id for each in steps if each.status == "PLANNED"}
+    if work.clock.now() > proof.until_at or proof.step_id not in planned:
+        detail = f"the drone waited until {proof.until_at.isoformat()}, and waits no longer"
         raise Conflict("NOT_AWAITED", detail)
-    await note_given(work.tx, proof, at_ms=moment_to_ms(now))
-    draft = partial(
-        HandOverInstruction,
-        mission_id=record.mission_id,
-        mission_revision=record.mission.revision,
-        step_id=proof.step_id,
-        package_ids=(proof.flying_id,),
-    )
-    await work.send(record.drone_id, draft, expires_at=proof.until_at)

@@ -149,7 +149,7 @@ def intervention_routes(
         caller: Annotated[Caller, Depends(gate)],
         given: Annotated[GivenProof, Depends(internal_body(GivenProof))],
     ) -> ProofAnswer:
-        """Tell the drone that waits that the proof of a package is there."""
+        """Give the proof of a package to the drone that waits for it."""
         caller.must_be_service("gateway")
         return await give_proof(context, delivery_id, given.package_id)
 

@@ -1,5 +1,6 @@
 """The proofs that drones wait for at hand-overs, and all their SQL."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final
@@ -12,8 +13,6 @@ from skyway.delivery.verification import ProofMethod
 from skyway.ids import DeliveryId, MissionId, PackageId
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.share_views import owner_of
 from skyway_composition.tables import proofs
 
 _ADD: Final = insert(proofs)
@@ -38,27 +37,32 @@ class Proof:
 
 async def add_awaited(
     tx: Tx,
-    record: MissionRecord,
+    mission_id: MissionId,
     step: DeliverStep,
     *,
+    owner_of: Callable[[PackageId], tuple[DeliveryId, PackageId]],
     until_at: datetime,
 ) -> None:
-    """Note that the drone of a mission waits for the proofs of this step."""
-    rows = []
-    for each in step.verification:
-        delivery_id, package_id = owner_of(record, each.package_id)
-        rows.append(
-            {
-                "mission_id": record.mission_id,
-                "step_id": step.step_id,
-                "flying_id": each.package_id,
-                "delivery_id": delivery_id,
-                "package_id": package_id,
-                "method": each.method,
-                "until_ms": moment_to_ms(until_at),
-                "pins": 0,
-            }
-        )
+    """Note that the drone of a mission waits for the proofs of this step.
+
+    `owner_of` says the delivery of a package on board, and the customer's id of the package.
+    """
+    common = {
+        "mission_id": mission_id,
+        "step_id": step.step_id,
+        "until_ms": moment_to_ms(until_at),
+        "pins": 0,
+    }
+    names = ("delivery_id", "package_id")
+    rows = [
+        {
+            **common,
+            "flying_id": each.package_id,
+            "method": each.method,
+            **dict(zip(names, owner_of(each.package_id), strict=True)),
+        }
+        for each in step.verification
+    ]
     await tx.execute(_ADD, rows)
 
 

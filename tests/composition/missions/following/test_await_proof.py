@@ -85,7 +85,7 @@ async def test_the_gateway_hears_who_must_give_a_proof_and_until_when(
 
 
 @pytest.mark.databases("sqlite", "postgresql")
-async def test_the_drone_is_told_that_a_proof_is_there(
+async def test_the_drone_is_instructed_when_a_proof_is_there(
     composition: Any, drone: Any, make: Any
 ) -> None:
     _, step = await awaited(composition, drone, make, "PIN", "SIGNATURE")
@@ -237,6 +237,18 @@ async def test_a_pin_of_the_keypad_goes_to_the_gateway_and_stays_nowhere_else(
     assert sum("4711" in str(row.payload) for row in rows) == 1
     for table in ("mission_steps", "cut_steps", "alarms", "drone_links", "quarantine", "proofs"):
         assert "4711" not in str(await composition.rows(f"SELECT * FROM {table}"))
+
+
+async def test_the_quarantine_keeps_no_pin(composition: Any, drone: Any, make: Any) -> None:
+    instruction, step = await awaited(composition, drone, make, "PIN")
+    typed = said(drone, "PIN_ENTERED", instruction, step, pin="4711")
+
+    composition.parts.quarantine.add(typed, "AHEAD", "it speaks of the future")
+    await composition.parts.quarantine.step()
+
+    ((payload,),) = await composition.rows("SELECT payload FROM quarantine")
+    assert b'"pin":"***"' in bytes(payload)
+    assert b"4711" not in bytes(payload)
 
 
 async def test_a_pin_for_nobody_in_particular_is_not_passed_on(
