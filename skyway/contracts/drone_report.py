@@ -172,10 +172,21 @@ class DroneEvent(DroneMessage):
 
     If a DIVERT or RETURN_HOME ends a step early, the event is STEP_ENDED with code CUT and the
     `mission_revision` of that step; the first new step has the same `step_id`.
+
+    HAND_OVER_AWAITED: the drone has landed for a DELIVER at `started_at`, and waits for the proofs
+    of `package_ids`. PIN_ENTERED: a person has typed `pin` at the box of the drone that waits, for
+    the package in `package_ids`, or for any if there is none.
     """
 
     event: Annotated[
-        Literal["STEP_ENDED", "STEP_FAILED", "MISSION_ENDED", "ALARM"],
+        Literal[
+            "STEP_ENDED",
+            "STEP_FAILED",
+            "MISSION_ENDED",
+            "ALARM",
+            "HAND_OVER_AWAITED",
+            "PIN_ENTERED",
+        ],
         Field(description="What happened."),
     ]
     stream: Annotated[
@@ -198,6 +209,16 @@ class DroneEvent(DroneMessage):
         Words | None, Field(description="Why it failed, or what the alarm is about, for programs.")
     ] = None
     detail: Annotated[Words | None, Field(description="The same for people.")] = None
+    pin: Annotated[
+        str | None,
+        Field(
+            pattern=r"^[0-9]{1,8}$",
+            repr=False,
+            exclude_if=lambda value: value is None,
+            description="The digits that were typed at the drone's box, 1 to 8; left out "
+            "otherwise.",
+        ),
+    ] = None
     #: Of an alarm: how bad it is.
     level: Annotated[AlarmLevel | None, Field(description="How bad an alarm is.")] = None
     #: Evidence: place and weights at a hand-over, need_j and have_j at a failure.

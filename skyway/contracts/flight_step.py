@@ -1,10 +1,12 @@
 """The steps of a mission as a drone receives them, with all that it needs to fly alone."""
 
+from collections.abc import Collection
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from skyway.contracts.message import FleetMoment, Soc
+from skyway.delivery.verification import ProofMethod
 from skyway.geo import Position
 from skyway.ids import PackageId, StationId
 from skyway.json_model import WireModel
@@ -104,11 +106,29 @@ class RechargeStep(_FlightStep):
     ] = None
 
 
+class AwaitedProof(WireModel):
+    """A package that is handed over only once its proof is there."""
+
+    package_id: PackageId
+    method: Annotated[ProofMethod, Field(description="How the recipient proves the hand-over.")]
+    upload_path: Annotated[
+        str | None,
+        Field(
+            repr=False,
+            exclude_if=lambda value: value is None,
+            description="Where the drone uploads the picture of a PHOTO: a path at the gateway, "
+            "valid only while the drone waits.",
+        ),
+    ] = None
+
+
 class DeliverStep(_FlightStep):
     """Hand these packages over, which takes `dropoff_s`.
 
     If the recipient is absent, the drone waits `recipient_wait_s`; then the step fails:
-    RECIPIENT_ABSENT.
+    RECIPIENT_ABSENT. With `verification` the drone waits until HAND_OVER instructions have named
+    all packages in it. After `recipient_wait_s` it hands over what needs no proof any more, and the
+    step fails: RECIPIENT_ABSENT, with the `package_ids` that were handed over.
     """
 
     kind: Annotated[Literal["DELIVER"], Field(description="Always DELIVER.")] = "DELIVER"
@@ -120,6 +140,24 @@ class DeliverStep(_FlightStep):
     recipient_wait_s: Annotated[
         float, Field(ge=0, description="How long the drone waits for the recipient, in seconds.")
     ] = 0.0
+    verification: Annotated[
+        tuple[AwaitedProof, ...],
+        Field(
+            exclude_if=lambda value: not value,
+            description="The packages that wait for a proof; left out without any.",
+        ),
+    ] = ()
+
+    def proven(self, package_ids: Collection[PackageId]) -> "DeliverStep":
+        """The step once the proofs of these packages are there."""
+        left = tuple(each for each in self.verification if each.package_id not in package_ids)
+        return self.model_copy(update={"verification": left})
+
+    @property
+    def ready_ids(self) -> tuple[PackageId, ...]:
+        """The packages that wait for no proof."""
+        waiting = {each.package_id for each in self.verification}
+        return tuple(each for each in self.package_ids if each not in waiting)
 
 
 class ReturnStep(_FlightStep):
@@ -148,3 +186,12 @@ def packages_of(step: FlightStep) -> tuple[PackageId, ...]:
     if isinstance(step, PickUpStep):
         return tuple(package.package_id for package in step.packages)
     return step.package_ids if isinstance(step, DeliverStep | ReturnStep) else ()
+
+
+def awaited_ids(step: FlightStep) -> tuple[PackageId, ...]:
+    """The packages that wait for a proof in this step."""
+    return (
+        tuple(each.package_id for each in step.verification)
+        if isinstance(step, DeliverStep)
+        else ()
+    )

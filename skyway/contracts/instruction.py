@@ -7,7 +7,7 @@ from pydantic import Field
 
 from skyway.contracts.flight_step import FlightStep, PackageOnBoard
 from skyway.contracts.message import FleetMoment, Message
-from skyway.ids import DeliveryId, InstructionId, MissionId
+from skyway.ids import DeliveryId, InstructionId, MissionId, PackageId
 
 
 class RefusalCode(StrEnum):
@@ -24,6 +24,7 @@ class RefusalCode(StrEnum):
     INSUFFICIENT_ENERGY = "INSUFFICIENT_ENERGY"
     OVERWEIGHT = "OVERWEIGHT"
     FAILSAFE_ACTIVE = "FAILSAFE_ACTIVE"
+    NOT_AWAITED = "NOT_AWAITED"
 
 
 class _Instruction(Message):
@@ -124,6 +125,23 @@ class ResumeInstruction(_Instruction):
     mission_revision: Annotated[int, Field(ge=1, description="The number of the plan, from 1.")]
 
 
+class HandOverInstruction(_Instruction):
+    """The proofs of these packages are there: hand them over in the DELIVER under way.
+
+    A later revision of the plan does not matter. A drone that does not wait for the proofs, or
+    waits no longer, refuses: NOT_AWAITED.
+    """
+
+    kind: Annotated[Literal["HAND_OVER"], Field(description="Always HAND_OVER.")] = "HAND_OVER"
+    mission_id: MissionId
+    mission_revision: Annotated[int, Field(ge=1, description="The number of the plan, from 1.")]
+    step_id: Annotated[int, Field(ge=1, description="The number of the DELIVER, from 1.")]
+    package_ids: Annotated[
+        tuple[PackageId, ...],
+        Field(min_length=1, description="The packages whose proofs are there."),
+    ]
+
+
 class CancelInstruction(_Instruction):
     """Forget a mission of which no step is released, or one that failed and waits.
 
@@ -153,6 +171,7 @@ AnyInstruction = (
     | ReturnHomeInstruction
     | HoldInstruction
     | ResumeInstruction
+    | HandOverInstruction
     | CancelInstruction
     | ReportInstruction
 )

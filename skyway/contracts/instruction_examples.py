@@ -4,6 +4,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any, Final
 
 from skyway.contracts.flight_step import (
+    AwaitedProof,
     DeliverStep,
     FlightStep,
     FlyStep,
@@ -17,6 +18,7 @@ from skyway.contracts.instruction import (
     AnyInstruction,
     CancelInstruction,
     DivertInstruction,
+    HandOverInstruction,
     HoldInstruction,
     MissionInstruction,
     ReportInstruction,
@@ -38,7 +40,16 @@ AT_MCQUEENEY: Final = Position(-98.0331, 29.5919)
 
 def instruction_examples() -> tuple[AnyInstruction, ...]:
     """An example of each kind."""
-    return (_mission(), _divert(), _return_home(), _hold(), _resume(), _cancel(), _report())
+    return (
+        _mission(),
+        _divert(),
+        _return_home(),
+        _hold(),
+        _resume(),
+        _hand_over(),
+        _cancel(),
+        _report(),
+    )
 
 
 def after(minutes: float) -> datetime:
@@ -108,7 +119,14 @@ def _steps() -> tuple[FlightStep, ...]:
             until_soc=0.8,
             not_after_at=after(80),
         ),
-        DeliverStep(**_step(5, 75, 76), station_id=MCQUEENEY, package_ids=(_P1,), dropoff_s=60.0),
+        DeliverStep(
+            **_step(5, 75, 76),
+            station_id=MCQUEENEY,
+            package_ids=(_P1,),
+            dropoff_s=30.0,
+            recipient_wait_s=300.0,
+            verification=(AwaitedProof(package_id=_P1, method="PIN"),),
+        ),
         FlyStep(**_step(6, 76, 100), **_BACK),
         ReturnStep(**_step(7, 100, 100), station_id=SAN_MARCOS, package_ids=(_P2,)),
     )
@@ -161,6 +179,12 @@ def _hold() -> HoldInstruction:
 
 def _resume() -> ResumeInstruction:
     return ResumeInstruction(**sent(16, 45), **_numbered(7, 45))
+
+
+def _hand_over() -> HandOverInstruction:
+    """The recipient has typed the PIN of p1."""
+    numbered = _numbered(8, 75)
+    return HandOverInstruction(**sent(17, 75), **numbered, step_id=5, package_ids=(_P1,))
 
 
 def _cancel() -> CancelInstruction:

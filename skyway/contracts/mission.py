@@ -276,6 +276,21 @@ class WithdrawMissions(WireModel):
     attempt: Annotated[int, Field(ge=1, description="The number of the last booking, from 1.")]
 
 
+class GivenProof(WireModel):
+    """The body of POST /internal/deliveries/{delivery_id}/proofs: this package has its proof.
+
+    A repeated call is answered the same. 409 NOT_AWAITED: no drone waits for it, or not any more.
+    """
+
+    package_id: Annotated[PackageId, Field(description="The package, by the customer's id.")]
+
+
+class ProofAnswer(WireModel):
+    """The drone is instructed to hand the package over; it waits for proofs until `until_at`."""
+
+    until_at: FleetMoment
+
+
 class CancelMissions(WireModel):
     """The body of POST /internal/deliveries/{delivery_id}/cancellations; no packages mean all.
 

@@ -41,6 +41,8 @@ class MissionReport(WireModel):
     LOADING     the mission has begun: approach flight, or loading at the pickup
     LOADED      the packages are on board
     ACTIVITY    `activity`, `station_id` and `soc` changed
+    PROOF_AWAITED  the drone waits for the proofs of `package_ids`, until `until_at`
+    PIN_ENTERED a person has typed `pin` at the drone's box, for one of `package_ids`
     DELIVERED   `package_ids` were handed over
     REPLANNING  the plan does not hold any more (`code`), another is looked for
     REPLANNED   the drone has taken a new revision of the plan (`mission` holds it)
@@ -71,6 +73,8 @@ class MissionReport(WireModel):
             "LOADING",
             "LOADED",
             "ACTIVITY",
+            "PROOF_AWAITED",
+            "PIN_ENTERED",
             "DELIVERED",
             "REPLANNING",
             "REPLANNED",
@@ -113,6 +117,21 @@ class MissionReport(WireModel):
     drone_before: Annotated[
         DroneId | None,
         Field(description="The drone that had the QUEUED mission until now; null if it stays."),
+    ] = None
+    until_at: Annotated[
+        FleetMoment | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="Until when the drone waits for the proofs.",
+        ),
+    ] = None
+    pin: Annotated[
+        str | None,
+        Field(
+            repr=False,
+            exclude_if=lambda value: value is None,
+            description="The digits that were typed at the drone's box.",
+        ),
     ] = None
     code: Annotated[str | None, Field(description="Why, for programs.")] = None
     detail: Annotated[str | None, Field(description="Why, for people.")] = None

@@ -8,6 +8,7 @@ from pydantic import Field, field_validator
 
 from skyway.bounds import Moment
 from skyway.delivery.qos import QoS
+from skyway.delivery.verification import DropoffVerification, PlannedVerification
 from skyway.drone.cargo import CargoNeeds
 from skyway.ids import PackageId, StationId
 from skyway.json_model import JsonModel
@@ -53,6 +54,13 @@ class PackageTo(CargoNeeds, Generic[PlaceT]):
         Moment | None,
         Field(description="The hand-over is over by then, RFC 3339 UTC, fleet time."),
     ] = None
+    dropoff_verification: Annotated[
+        DropoffVerification | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="The proof without which it is not handed over; null without one.",
+        ),
+    ] = None
 
 
 class Package(PackageTo[Place]):
@@ -61,6 +69,14 @@ class Package(PackageTo[Place]):
     With nobody at the destination it goes to the `alternative`, or back to the pickup. The window
     from `not_before_at` to `latest_at` holds the whole hand-over at the destination.
     """
+
+    dropoff_verification: Annotated[
+        PlannedVerification | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="The proof without which it is not handed over; null without one.",
+        ),
+    ] = None
 
 
 PackageT = TypeVar("PackageT", bound=PackageTo)  # type: ignore[type-arg]  # of any place
@@ -130,6 +146,11 @@ class DeliveryRequest(RequestFor[Place, Package]):
         return self.latest_pickup_at is not None or any(
             each.not_before_at is not None or each.latest_at is not None for each in self.packages
         )
+
+    @property
+    def needs_proof(self) -> bool:
+        """Whether some package is handed over only with a proof."""
+        return any(each.dropoff_verification is not None for each in self.packages)
 
     @property
     def begins_after(self) -> datetime | None:
