@@ -18,13 +18,14 @@ from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.deliveries.booking.run_bookings import books_from
 from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
 from skyway_gateway.deliveries.lifecycle.customer_forms import ShownDelivery, shown_to
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.progress import Progress, changed
+from skyway_gateway.deliveries.proving.photos import Photos
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.change_form import DeliveryChange, changed_times
@@ -32,6 +33,7 @@ from skyway_gateway.notifications.delivery_events import Happening
 from skyway_gateway.personal_data import store as personal_data
 from skyway_gateway.personal_data.details import PersonalData, require_packages
 from skyway_gateway.personal_data.store import StoredPersonalData
+from skyway_gateway.proofs import store as proofs
 from skyway_gateway.quotes.check_request import RequestChecks
 
 
@@ -63,6 +65,7 @@ class Changer:
     horizon: timedelta
     #: How long personal data is kept after the end of its delivery.
     personal_kept: timedelta
+    photos: Photos
 
     async def change(
         self, caller: Caller, delivery_id: DeliveryId, requested: DeliveryChange
@@ -79,8 +82,9 @@ class Changer:
             It has no such package, would have too many members of metadata, or its times are
             impossible.
         Conflict
-            TOO_LATE: the delivery is over or being cancelled, the package is handed over, or times
-            are to be changed of a delivery that is not SCHEDULED. CHANGED_MEANWHILE: another call
+            TOO_LATE: the delivery is over or being cancelled, the package is handed over or its
+            proof is given, or times or methods of proof are to be changed of a delivery that is not
+            SCHEDULED. CHANGED_MEANWHILE: another call
             has changed times.
         """
         request = await self._request_after(caller, delivery_id, requested)
@@ -91,7 +95,10 @@ class Changer:
             _require_in_time(before.delivery, requested)
             personal = await personal_data.one_of(tx.connection, delivery_id)
             data = requested.applied_to(personal.data)
-            names = _changed_fields(personal.data, data)
+            names = [
+                *_changed_fields(personal.data, data),
+                *requested.new_pins(await proofs.of_delivery(tx.connection, delivery_id)),
+            ]
             progress = self._progress(before.delivery, requested, names=names)
             if not requested.dry_run and progress.happenings:
                 created_at, kept = before.delivery.created_at, self.personal_kept
@@ -99,11 +106,29 @@ class Changer:
                     await personal_data.replace(
                         tx, delivery_id, data, created_at=created_at, kept=kept
                     )
+                await self._replace_proofs(tx, before.delivery, requested)
                 is_new = progress.delivery.request != before.delivery.request
                 give_up = give_up_at(request, self.clock) if is_new else None
                 self.writer.save(tx, before, progress, give_up_at=give_up)
+            found = await proofs.of_delivery(tx.connection, delivery_id)
         shown = personal if data == personal.data else StoredPersonalData(data)
-        return ShownDelivery.of(shown_to(caller, progress.delivery), shown)
+        return ShownDelivery.of(shown_to(caller, progress.delivery), shown, found)
+
+    async def _replace_proofs(self, tx: Tx, before: Delivery, requested: DeliveryChange) -> None:
+        asked = {each.package_id: each.dropoff_verification for each in before.request.packages}
+        found = await proofs.of_delivery(tx.connection, before.delivery_id)
+        for each in requested.packages:
+            if "dropoff_verification" not in each.model_fields_set:
+                continue
+            after, stored = each.proof_after(asked[each.package_id]), found.get(each.package_id)
+            if stored is not None and stored.given_at is not None:
+                detail = f"the proof of package {each.package_id} is given already"
+                raise Conflict("TOO_LATE", detail)
+            if after is not None and after.method == "PHOTO":
+                self.photos.require_store("packages.dropoff_verification.method")
+            # A PIN stays if the change does not name it.
+            if each.gives_pin or after is None or stored is None or stored.method != after.method:
+                await proofs.replace(tx, (before.delivery_id, each.package_id), after)
 
     async def _request_after(
         self, caller: Caller, delivery_id: DeliveryId, requested: DeliveryChange
@@ -153,7 +178,10 @@ class Changer:
             await delivery_store.lock(tx, delivery_id)
             stored = await personal_data.one_of(tx.connection, delivery_id)
             await personal_data.erase(tx, delivery_id, at=now)
-        fields = tuple(sorted(stored.data.by_field()))
+            pictures = await proofs.make_due(tx, delivery_id, at=now)
+        # After a kill here, the loop erases the photos.
+        await self.photos.erase_due()
+        fields = (*sorted(stored.data.by_field()), *pictures)
         erased_at = now if fields else stored.erased_at
         return ErasedPersonalData(delivery_id=delivery_id, erased_at=erased_at, fields=fields)
 
@@ -170,7 +198,7 @@ def _require_in_time(delivery: Delivery, requested: DeliveryChange) -> None:
             raise Conflict("TOO_LATE", detail)
     request = requested.request_after(delivery.request)
     if delivery.state != "SCHEDULED" and request != delivery.request:
-        detail = f"times can be changed while a delivery is SCHEDULED; it is {delivery.state}"
+        detail = f"times and proofs change while a delivery is SCHEDULED; it is {delivery.state}"
         raise Conflict("TOO_LATE", f"{detail}: cancel it, and request another one")
 
 
