@@ -33,6 +33,7 @@ from skyway_gateway.console.page_routes import console_routes
 from skyway_gateway.console.system_routes import system_routes
 from skyway_gateway.context import Context
 from skyway_gateway.deliveries.booking.queue_store import free_claims
+from skyway_gateway.deliveries.proving.routes import proof_routes, upload_routes
 from skyway_gateway.deliveries.reading.routes import (
     earnings_routes,
     reading_routes,
@@ -97,12 +98,16 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             ),
             earnings_routes(context, reporting=parts.reporting),
             live_routes(feed=parts.live, slots=parts.streams, meters=parts.meters),
+            proof_routes(db, taker=parts.proofs, photos=parts.photos),
+            upload_routes(photos=parts.photos, uploads=parts.uploads, meters=parts.meters),
             link_routes(context, links=parts.links),
             page_routes(
                 pages=parts.pages,
                 feed=parts.live,
                 slots=parts.followers,
                 meters=parts.meters,
+                proofs=parts.proofs,
+                photos=parts.photos,
             ),
             webhook_routes(
                 context,

@@ -30,6 +30,8 @@ from skyway_gateway.console.console_files import BaseMap
 from skyway_gateway.console.system_routes import SmallWorld
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.booking.wake_waiting import Waker
+from skyway_gateway.deliveries.proving.photos import Photos
+from skyway_gateway.deliveries.proving.take_proof import ProofTaker
 from skyway_gateway.deliveries.records.delivery_rows import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
@@ -50,6 +52,8 @@ from skyway_gateway.places.http_geocoder import HttpGeocoder
 from skyway_gateway.places.locate import Locator
 from skyway_gateway.places.serve import PlaceServer
 from skyway_gateway.places.station_map import StationMap
+from skyway_gateway.proofs.photo_store import PhotoStore
+from skyway_gateway.proofs.upload_links import UPLOAD_PATHS, UploadLinks
 from skyway_gateway.quotes.make_quote import HoldLimits
 from skyway_gateway.quotes.store import keep_network
 from skyway_gateway.settings import GatewaySettings
@@ -102,6 +106,7 @@ def build_parts(
     meters = _meters(settings)
     public_url = str(settings.public_url)
     links = TrackingLinks(settings.secrets_dir, public_url)
+    proofs = ProofTaker(db, clock, timedelta(days=settings.proof_days))
     streams = Slots("STREAMS", settings.streams_per_tenant)
     cached_sessions = CachedKeys(db, clock, session_store.shown)
     all_keys = AllKeys(cached_keys, cached_sessions, DroneKeys(registry), KeysInUse(db, clock))
@@ -132,7 +137,7 @@ def build_parts(
             meters,
             open_calls(),
             refused_logins,
-            open_paths=(TRACKING_PATHS,),
+            open_paths=(TRACKING_PATHS, UPLOAD_PATHS),
             code_calls=("POST /v1/sessions",),
         ),
         refused_logins=refused_logins,
@@ -166,6 +171,9 @@ def build_parts(
             ),
         ),
         personal_kept=timedelta(days=settings.personal_data_days),
+        proofs=proofs,
+        photos=Photos(db, clock, _photo_store(settings), proofs),
+        uploads=UploadLinks(settings.secrets_dir),
         webhook_quota=WebhookQuota(db, settings.webhooks_per_customer),
         streams=streams,
         quoting=FairQueue(
@@ -222,6 +230,10 @@ def _places(
     )
     locator = Locator(geocoder, turns, meters.tenants)
     return PlaceServer(locator, stations, composition, ShortWait())
+
+
+def _photo_store(settings: GatewaySettings) -> PhotoStore | None:
+    return None if settings.proof_store is None else PhotoStore(settings.proof_store)
 
 
 def _slot_limits(settings: GatewaySettings) -> SlotLimits:

@@ -3,6 +3,7 @@
 Each call to composition goes to the server that serves its network.
 """
 
+import logging
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -46,8 +47,13 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.sql.database import Database
 from skyway_gateway import network_store
 
+log = logging.getLogger(__name__)
+
 #: Where composition is asked to cancel packages.
 CANCELLATIONS_PATH: Final = "/internal/deliveries/{delivery_id}/cancellations"
+
+#: Where composition is told that the proof of a package is there.
+PROOFS_PATH: Final = "/internal/deliveries/{delivery_id}/proofs"
 
 
 class Registry(Protocol):
@@ -322,7 +328,14 @@ class DeliveryReports:
     find: NetworkFinder
 
     async def call(self, method: str, path: str, *, body: bytes) -> None:
-        """Call the server with JSON."""
+        """Call the server with JSON. A proof that comes too late for its drone is dropped."""
         # Every path is below /internal/deliveries/{delivery_id}.
-        network_id = await self.find.of_delivery(DeliveryId(path.split("/")[3]))
-        await self.servers.of(network_id).call(method, path, body=body)
+        delivery_id = DeliveryId(path.split("/")[3])
+        network_id = await self.find.of_delivery(delivery_id)
+        try:
+            await self.servers.of(network_id).call(method, path, body=body)
+        except RemoteProblem as refusal:
+            if refusal.problem.get("code") != "NOT_AWAITED":
+                raise
+            # A drone that waits again is told again.
+            log.info("proof came too late", extra={"delivery_id": delivery_id})

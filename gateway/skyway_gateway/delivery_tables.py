@@ -141,6 +141,8 @@ packages = Table(
     Column("detail", Text),  # the same in words
     Column("proof", Text),  # JSON of deliveries.lifecycle.delivery.Proof
     Column("position", Text),  # JSON of Position: where it lies with a drone in the open
+    # JSON of deliveries.lifecycle.delivery.ProofWait: since when and until when a drone waited
+    Column("proof_wait", Text),
     CheckConstraint(
         "state IN ('CREATED', 'LOADED', 'IN_TRANSIT', 'DELIVERED', 'RETURNING', 'RETURNED', "
         "'STRANDED', 'CANCELLED')",
@@ -196,4 +198,33 @@ missions = Table(
     Column("recharging_s", Double),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
     Index("missions_by_provider", "provider_id", "delivery_id"),
+)
+
+#: The proofs without which packages are not handed over. No other table has their PINs, signatures
+#: and photos. A PIN leaves when it is of no use, a picture at `due_ms` or earlier.
+proofs = Table(
+    "proofs",
+    metadata,
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), primary_key=True),
+    Column("package_id", Text, primary_key=True),
+    Column("method", Text, nullable=False),
+    Column("pin", Text),
+    Column("wrong_pins", SmallInteger, nullable=False, server_default=text("0")),
+    Column("given_by", Text),
+    Column("given_ms", BigInteger),
+    Column("signature", Text),  # JSON of proofs.signature.Signature
+    # Whether the store of photos has, or may still have, its photo.
+    Column("has_photo", Boolean, nullable=False, server_default=false()),
+    Column("due_ms", BigInteger),
+    CheckConstraint("method IN ('PIN', 'PHOTO', 'SIGNATURE')", name="proof_method"),
+    CheckConstraint(
+        "given_by IN ('RECIPIENT', 'KEYPAD', 'DRONE', 'CUSTOMER', 'OPERATOR')", name="proof_giver"
+    ),
+    CheckConstraint("wrong_pins BETWEEN 0 AND 5", name="proof_wrong_pins"),
+    CheckConstraint("(given_by IS NULL) = (given_ms IS NULL)", name="proof_given"),
+    CheckConstraint(
+        "pin IS NULL OR (method = 'PIN' AND given_ms IS NULL)", name="proof_pin_is_of_use"
+    ),
+    partial_index("proofs_with_pin", "delivery_id", where="pin IS NOT NULL"),
+    partial_index("proofs_with_picture", "due_ms", where="due_ms IS NOT NULL"),
 )

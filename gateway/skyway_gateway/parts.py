@@ -30,6 +30,8 @@ from skyway_gateway.deliveries.apply_reports import OverdueNotifier, ReportAppli
 from skyway_gateway.deliveries.booking.book import Booker
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop, ScheduleOpener
 from skyway_gateway.deliveries.booking.wake_waiting import Waker
+from skyway_gateway.deliveries.proving.photos import Photos
+from skyway_gateway.deliveries.proving.take_proof import ProofTaker
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
@@ -45,6 +47,7 @@ from skyway_gateway.notifications.secret_vault import SecretVault
 from skyway_gateway.notifications.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhook_store import WebhookQuota
 from skyway_gateway.places.serve import PlaceServer
+from skyway_gateway.proofs.upload_links import UploadLinks
 from skyway_gateway.quotes.accept_offer import OfferKeeper
 from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks
 from skyway_gateway.quotes.make_quote import HoldLimits, QuoteMaker
@@ -92,6 +95,9 @@ class Parts:
     hold_limits: HoldLimits
     quota: DeliveryQuota
     personal_kept: timedelta
+    proofs: ProofTaker
+    photos: Photos
+    uploads: UploadLinks
     webhook_quota: WebhookQuota
     streams: Slots
     trials: Slots
@@ -127,6 +133,7 @@ class Parts:
             self.booking.claimant,
             self.waker,
             self.forecast,
+            self.uploads,
         )
 
     @property
@@ -146,6 +153,7 @@ class Parts:
             self.horizon,
             self.personal_kept,
             self.booking.queued,
+            self.photos,
         )
 
     @property
@@ -163,7 +171,9 @@ class Parts:
         """Applies mission reports."""
         freed = self.waker.note_change_around
         learn = partial(self.booking.learn, self.booker)
-        return ReportApplier(self.db, self.writer, self.clock, self.booking.queued, freed, learn)
+        return ReportApplier(
+            self.db, self.writer, self.clock, self.booking.queued, freed, learn, self.proofs
+        )
 
     @property
     def quote_maker(self) -> QuoteMaker:
@@ -200,6 +210,7 @@ class Parts:
             self.quota,
             self.links,
             self.personal_kept,
+            self.photos,
         )
 
     @property

@@ -93,6 +93,19 @@ class GatewaySettings(CellSettings):
         description="Days of fleet time after a delivery's end until its personal data is erased. "
         "A change holds for what customers write from then on.",
     )
+    proof_store: str | None = Field(
+        default=None,
+        pattern=r"^(file:///|s3://[^/])",
+        description="Where photos of hand-overs are kept: `file:///folder`, which all replicas "
+        "share, or `s3://bucket/prefix`, whose keys are read from variables such as "
+        "`AWS_ACCESS_KEY_ID` and `AWS_ENDPOINT_URL`. Without it no package may ask for a PHOTO.",
+    )
+    proof_days: float = Field(
+        default=30.0,
+        ge=0.0,
+        le=36_500.0,
+        description="Days of fleet time until the photo or the signature of a hand-over is erased.",
+    )
     audit_days: float | None = Field(
         default=None,
         ge=1.0,

@@ -74,6 +74,7 @@ def start_work(loops: Loops, parts: Parts, mqtt: MqttClient, settings: GatewaySe
         composition=parts.composition,
         claimant=parts.booking.claimant,
         settings=settings,
+        photos=parts.photos,
         led=lambda step: LeaderStep(membership, step),
     )
 

@@ -42,7 +42,7 @@ def recipient_command(
     name: _NameOption = "A. Recipient",
     every_s: _EveryOption = 1.0,
 ) -> None:
-    """Follow tracking pages like a recipient, and prove each hand-over when the drone is there.
+    """Follow tracking pages like a recipient, and prove each hand-over of a drone.
 
     Types the PIN that the page shows, or signs. Ends when no package is on its way any more.
     """

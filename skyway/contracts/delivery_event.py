@@ -19,6 +19,7 @@ class DeliveryEventType(StrEnum):
     DISPATCHED = "delivery.dispatched"
     LOADED = "delivery.loaded"
     STARTED = "delivery.started"
+    PROOF_AWAITED = "delivery.proof_awaited"
     DELAYED = "delivery.delayed"
     REPLANNED = "delivery.replanned"
     COMPLETED = "delivery.completed"

@@ -8,6 +8,7 @@ from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.message import FleetMoment
 from skyway.delivery.offer import Price
 from skyway.delivery.request import DeliveryRequest
+from skyway.delivery.verification import ProofMethod
 from skyway.geo import Position
 from skyway.ids import DroneId, MissionId, PackageId, ProviderId, StationId
 from skyway.json_model import JsonModel, WireModel
@@ -157,6 +158,26 @@ class LoadedData(_FlownBy):
 
 class StartedData(_FlownBy):
     """Whose drone took the first package on board."""
+
+
+class AwaitedPackage(WireModel):
+    """A package that is not handed over before its proof is there."""
+
+    package_id: PackageId
+    method: Annotated[ProofMethod, Field(description="PIN, PHOTO or SIGNATURE.")]
+
+
+class ProofAwaitedData(_FlownBy):
+    """The drone has come, and waits for proofs; who may see a PIN reads the delivery."""
+
+    station_id: Annotated[StationId | None, Field(description="Where the drone waits.")]
+    packages: Annotated[
+        tuple[AwaitedPackage, ...], Field(description="The packages that wait for their proofs.")
+    ]
+    until_at: Annotated[
+        FleetMoment,
+        Field(description="Until when it waits, fleet time. Then the packages are taken back."),
+    ]
 
 
 class LatePackage(WireModel):

@@ -20,6 +20,7 @@ from skyway.contracts.delivery_event_data import (
     PackageReturnedData,
     PackageStrandedData,
     PlannedData,
+    ProofAwaitedData,
     RejectedData,
     ReplannedData,
     RequestedData,
@@ -90,6 +91,13 @@ class DeliveryStartedEvent(_Event):
 
     type: Annotated[Literal["delivery.started"], _About]
     data: Annotated[StartedData, _Data]
+
+
+class DeliveryProofAwaitedEvent(_Event):
+    """A drone has come, and hands packages over once their proofs are there."""
+
+    type: Annotated[Literal["delivery.proof_awaited"], _About]
+    data: Annotated[ProofAwaitedData, _Data]
 
 
 class DeliveryDelayedEvent(_Event):
@@ -177,6 +185,7 @@ AnyDeliveryEvent = Annotated[
     | DeliveryDispatchedEvent
     | DeliveryLoadedEvent
     | DeliveryStartedEvent
+    | DeliveryProofAwaitedEvent
     | DeliveryDelayedEvent
     | DeliveryReplannedEvent
     | DeliveryCompletedEvent

@@ -40,6 +40,7 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "QUOTE_EXPIRED": "The offer is no longer valid; ask for another quote.",
     "QUOTE_TAKEN": "Another offer of this quote was accepted before.",
     "PROVIDER_SUSPENDED": "An operator has suspended the provider, so it registers no drones.",
+    "PROOF_LOCKED": "Too many wrong PINs were typed; only the sender confirms the hand-over.",
     "REGISTRATION_TAKEN": "Another drone of this provider has this registration.",
     "REPLANNING": "The drone has not answered its new plan yet.",
     "SERIAL_TAKEN": "Another battery of this provider has this serial number.",

@@ -266,7 +266,7 @@ async def opened_gateway(
         secrets_dir=secrets_dir,
         webhook_allow_networks=(ip_network("127.0.0.0/8"),),
         public_url=AnyHttpUrl("http://gateway"),
-        **settings_given,
+        **{"proof_store": f"file://{folder}/photos", **settings_given},
     )
     clock = ManualClock(START)
     around = Peers(FakeRegistry(), FakeComposition(clock))

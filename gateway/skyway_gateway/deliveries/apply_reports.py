@@ -25,6 +25,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.package_changes import TOLERANCE_S, when_overdue
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.lifecycle.report_effects import after_report
+from skyway_gateway.deliveries.proving.take_proof import ProofTaker
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.delivery_rows import Outdated, StoredDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter, report_cancellation
@@ -32,6 +33,9 @@ from skyway_gateway.lateness.lateness_forecast import host_delay
 
 #: Reports after which a drone or pads may be free again.
 _FREEING: Final = ("REFUSED", "RELEASED", "ENDED")
+
+#: Reports after which proofs are read or stored: under the delivery's lock, as all proofs are.
+_ABOUT_PROOFS: Final = ("PROOF_AWAITED", "PIN_ENTERED")
 
 #: How many overdue deliveries one step looks at.
 _BATCH: Final = 100
@@ -49,6 +53,7 @@ class ReportApplier:
     freed: Callable[[StationId], None]
     #: Writes what composition has booked for a delivery; False if nothing could be learnt now.
     learn: Callable[[DeliveryId], Awaitable[bool]]
+    proofs: ProofTaker
 
     async def apply(self, report: MissionReport) -> None:
         """Apply a report; a report that was applied before changes nothing.
@@ -62,12 +67,15 @@ class ReportApplier:
             booked; the sender repeats this one.
         """
         cached = self.writer.cache.pop(report.delivery_id)
-        if cached is not None and await self._is_applied_to(cached, report):
+        is_locked_first = report.kind in _ABOUT_PROOFS
+        if cached is not None and not is_locked_first and await self._is_applied_to(cached, report):
             return
         # Another replica may have written the delivery last; usually it does not write it just now.
         async with self.db.read() as connection:
             stored = await delivery_store.read(connection, report.delivery_id)
-        if await self._is_applied_to(stored, report) or await self._apply_to_locked(report):
+        if not is_locked_first and await self._is_applied_to(stored, report):
+            return
+        if await self._apply_to_locked(report):
             return
         # The report comes before the answer to its booking: that answer may be lost.
         is_learnt = await self.learn(report.delivery_id)
@@ -117,7 +125,14 @@ class ReportApplier:
                 raise Conflict("NOT_YET", f"report {report.seq} comes before {last + 1}")
             elif report.seq == last + 1:
                 self._apply(tx, now, report)
+                await self._follow_proofs(tx, now.delivery, report)
         return True
+
+    async def _follow_proofs(self, tx: Tx, delivery: Delivery, report: MissionReport) -> None:
+        if report.kind == "PROOF_AWAITED":
+            await self.proofs.tell_again(tx, delivery, report.package_ids)
+        elif report.kind == "PIN_ENTERED" and report.pin is not None:
+            await self.proofs.type_at_box(tx, delivery, report.package_ids, pin=report.pin)
 
     def _apply(self, tx: Tx, stored: StoredDelivery, report: MissionReport) -> None:
         progress = after_report(stored.delivery, report, host_delay=host_delay(self.clock))

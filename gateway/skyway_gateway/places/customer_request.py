@@ -7,6 +7,7 @@ from pydantic import Field, field_validator, model_validator
 
 from skyway.delivery.qos import FURTHEST_PICKUP_M
 from skyway.delivery.request import DeliveryRequest, Package, PackageTo, Place, RequestFor
+from skyway.delivery.verification import PlannedVerification
 from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.json_model import JsonModel
@@ -122,10 +123,13 @@ class CustomerPackage(PackageTo[CustomerPlace]):
 
     def at_stations(self, served_by: ServedBy, alternative_by: ServedBy) -> Package:
         """The package with the stations that serve its places."""
-        other = self.alternative
+        other, asked = self.alternative, self.dropoff_verification
         return Package(
             destination=Place(station_id=served_by(self.destination)),
             alternative=None if other is None else Place(station_id=alternative_by(other)),
+            # A customer's form may hold a PIN, which goes no further.
+            dropoff_verification=asked
+            and PlannedVerification(method=asked.method, wait_s=asked.wait_s),
             **{name: getattr(self, name) for name in _OF_PACKAGE},
         )
 
@@ -150,6 +154,8 @@ class CustomerRequest(RequestFor[CustomerPlace, CustomerPackage]):
                 yield f"packages.{number}.alternative", package.alternative
 
 
-#: The fields that both forms have and that name no place.
-_OF_PACKAGE: Final = tuple(PackageTo.model_fields.keys() - {"destination", "alternative"})
+#: The fields that both forms have in the same form.
+_OF_PACKAGE: Final = tuple(
+    PackageTo.model_fields.keys() - {"destination", "alternative", "dropoff_verification"}
+)
 _OF_REQUEST: Final = tuple(RequestFor.model_fields.keys() - {"pickup", "packages"})

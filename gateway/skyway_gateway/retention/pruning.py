@@ -26,6 +26,7 @@ from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import session_store
 from skyway_gateway.clients import Composition
+from skyway_gateway.deliveries.proving.photos import Photos
 from skyway_gateway.personal_data import store as personal_data_store
 from skyway_gateway.quotes import store as quote_store
 from skyway_gateway.retention import store
@@ -46,6 +47,7 @@ class DeliveryPruning:
     clock: FleetClock
     claimant: str
     kept: timedelta
+    photos: Photos
 
     async def step(self) -> bool:
         """Delete some deliveries; always False, so that a long backlog leaves time for others."""
@@ -77,6 +79,7 @@ class DeliveryPruning:
         """Delete here what composition has deleted; how many deliveries."""
         if not forgotten:
             return 0
+        await self.photos.erase_of(forgotten)
         async with self.db.write() as tx:
             return await store.delete_leaving(tx, forgotten)
 
@@ -160,11 +163,14 @@ def start_pruning(
     composition: Composition,
     claimant: str,
     settings: GatewaySettings,
+    photos: Photos,
     led: Callable[[Step], Step],
 ) -> None:
     """Start to delete what is older than the settings keep; `led` makes a step the leader's."""
     personal = led(PersonalDataPruning(db, clock).step)
     loops.start("personal data", repeat("personal data", personal, every_s=_PERSONAL_EVERY_S))
+    pictures = led(photos.erase_due)
+    loops.start("proofs", repeat("proofs", pictures, every_s=_PERSONAL_EVERY_S))
     expired = ExpiredPruning(db, clock)
     loops.start("sweep", repeat("sweep", led(expired.step), every_s=_EXPIRED_EVERY_S))
     if settings.delivery_days is not None:
@@ -174,6 +180,7 @@ def start_pruning(
             clock,
             claimant=claimant,
             kept=timedelta(days=settings.delivery_days),
+            photos=photos,
         )
         step = repeat("old deliveries", led(deliveries.step), every_s=_DELIVERIES_EVERY_S)
         loops.start("old deliveries", step)

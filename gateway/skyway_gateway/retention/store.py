@@ -26,7 +26,7 @@ from skyway.runtime.sql.claims import FREE, NOW_MS, Claiming, claim_values
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms
-from skyway_gateway.delivery_tables import IS_OVER, custody, deliveries, missions, packages
+from skyway_gateway.delivery_tables import IS_OVER, custody, deliveries, missions, packages, proofs
 from skyway_gateway.tables import (
     audit,
     audit_head,
@@ -107,7 +107,16 @@ _LEAVING: Final = (
 _of_deliveries = in_list(events.c.delivery_id, "delivery_ids")
 
 #: The parts before the whole.
-_PARTS: Final = (events, custody, packages, missions, tracking_links, personal_data, deliveries)
+_PARTS: Final = (
+    events,
+    custody,
+    packages,
+    missions,
+    tracking_links,
+    personal_data,
+    proofs,
+    deliveries,
+)
 _DELETE: Final[Sequence[Delete]] = (
     delete(notifications).where(
         notifications.c.event_id.in_(select(events.c.event_id).where(_of_deliveries))

@@ -1,5 +1,6 @@
 """Recognises tracking links, and finds what their pages show."""
 
+from collections.abc import Mapping
 from datetime import datetime, timedelta
 from typing import Final
 
@@ -10,6 +11,8 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
 from skyway_gateway.clients import Composition
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.proofs import store as proof_store
+from skyway_gateway.proofs.verification import DropoffProof
 from skyway_gateway.tracking import link_store
 from skyway_gateway.tracking.tracked import TrackedDelivery, tracked
 from skyway_gateway.tracking_links import TrackingLinks
@@ -61,7 +64,12 @@ class TrackingPages:
         if delivery.missions:
             asked = delivery.delivery_id, delivery.updated_at
             track = self._tracks.cached(asked) or await self._tracks.ask(asked)
-        return tracked(delivery, track, now=self._clock.now(), rate=self._clock.rate)
+        proofs: Mapping[str, DropoffProof] = {}
+        if delivery.request.needs_proof:
+            async with self._db.read() as connection:
+                proofs = await proof_store.of_delivery(connection, delivery.delivery_id)
+        now, rate = self._clock.now(), self._clock.rate
+        return tracked(delivery, track, proofs=proofs, now=now, rate=rate)
 
     async def delivery_of(self, shown: Shown) -> Delivery | None:
         """The delivery of a link as it is now; None for a wrong, withdrawn or expired link."""

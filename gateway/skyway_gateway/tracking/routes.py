@@ -11,16 +11,19 @@ from fastapi import Header, Request, Response
 from fastapi.responses import HTMLResponse
 from pydantic import Field
 
-from skyway.ids import DeliveryId
+from skyway.ids import DeliveryId, PackageId
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.limits import Slots
+from skyway.runtime.limits import Budget, Meter, Slots
 from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.context import Context
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.deliveries.proving.photos import Photos
+from skyway_gateway.deliveries.proving.routes import picture_answer
+from skyway_gateway.deliveries.proving.take_proof import ProofTaker, TypedProof
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.scope import Scope
@@ -92,6 +95,9 @@ def link_routes(context: Context, *, links: TrackingLinks) -> ServiceRouter:
     return router
 
 
+#: What is typed and signed on the page of one delivery, however many people have its link.
+_TRIES: Final = Budget("PROOF_TRIES", per_s=0.5, burst=20)
+
 #: No other host, no script in the page, no frame around it, and no search engine.
 _PAGE_HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
@@ -103,14 +109,21 @@ _PAGE_HEADERS: Final = {
 _ASSETS: Final = {
     "tracking.css": "text/css",
     "tracking.js": "text/javascript",
+    "proofs.js": "text/javascript",
     "way_map.js": "text/javascript",
 }
 
 
 def page_routes(
-    *, pages: TrackingPages, feed: LiveFeed, slots: Slots, meters: Meters
+    *,
+    pages: TrackingPages,
+    feed: LiveFeed,
+    slots: Slots,
+    meters: Meters,
+    proofs: ProofTaker,
+    photos: Photos,
 ) -> ServiceRouter:
-    """GET below /track/{delivery_id}/{token}."""
+    """Everything below /track/{delivery_id}/{token}."""
     router = ServiceRouter(include_in_schema=False)
     path = f"{TRACKING_PATHS}{{delivery_id}}/{{token}}"
 
@@ -138,6 +151,26 @@ def page_routes(
     async def show_state(request: Request, delivery_id: DeliveryId, token: str) -> TrackedDelivery:
         """What the page shows."""
         return await pages.state_of(await delivery_of(request, (delivery_id, token)))
+
+    tries = Meter(_TRIES)
+
+    @router.post(f"{path}/proof", status_code=204)
+    async def give_proof(
+        request: Request, delivery_id: DeliveryId, token: str, typed: TypedProof
+    ) -> Response:
+        """Take the PIN or the signature of a recipient."""
+        await delivery_of(request, (delivery_id, token))
+        tries.spend(delivery_id)
+        await proofs.type_in(delivery_id, typed)
+        return Response(status_code=204)
+
+    @router.get(f"{path}/packages/{{package_id}}/picture")
+    async def show_picture(
+        request: Request, delivery_id: DeliveryId, token: str, package_id: PackageId
+    ) -> Response:
+        """The photo or the signature of a hand-over."""
+        await delivery_of(request, (delivery_id, token))
+        return await picture_answer(photos, (delivery_id, package_id))
 
     @router.get(f"{path}/events")
     async def stream_changes(

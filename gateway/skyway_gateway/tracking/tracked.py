@@ -1,6 +1,6 @@
 """What a tracking page shows of a delivery: no names, prices, charges, or drones' ways home."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import datetime, timedelta
 from typing import Annotated, Final, Literal
 
@@ -20,6 +20,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
 )
 from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
 from skyway_gateway.deliveries.lifecycle.package_changes import with_p90
+from skyway_gateway.proofs.verification import DropoffProof
 
 Stage = Literal[
     "REQUESTED", "PLANNED", "LOADING", "ON_THE_WAY", "DELIVERED", "PARTLY_DELIVERED", "ENDED"
@@ -56,6 +57,10 @@ class TrackedPackage(JsonModel):
     proof_mass_kg: float | None
     #: Where it goes if nobody takes it at its destination.
     alternative_id: StationId
+    #: Until when the drone waits for the proof; null while it does not.
+    proof_until_at: FleetMoment | None
+    #: The proof without which it is not handed over; null without one.
+    dropoff_proof: DropoffProof | None
 
 
 class TrackedFlight(JsonModel):
@@ -104,7 +109,14 @@ class TrackedDelivery(JsonModel):
     drones: tuple[TrackedDrone, ...]
 
 
-def tracked(delivery: Delivery, track: Track, *, now: datetime, rate: float) -> TrackedDelivery:
+def tracked(
+    delivery: Delivery,
+    track: Track,
+    *,
+    proofs: Mapping[str, DropoffProof],
+    now: datetime,
+    rate: float,
+) -> TrackedDelivery:
     """The page's state."""
     delivery = with_p90(delivery)
     flown: dict[MissionId | None, FlownMission] = {
@@ -128,7 +140,11 @@ def tracked(delivery: Delivery, track: Track, *, now: datetime, rate: float) -> 
         rate=rate,
         packages=tuple(
             _package(
-                package, delivery, flown.get(package.mission_id) if package.mission_id else None
+                package,
+                delivery,
+                flown.get(package.mission_id) if package.mission_id else None,
+                proofs.get(package.package_id),
+                now=now,
             )
             for package in delivery.packages
         ),
@@ -153,7 +169,12 @@ def tracked(delivery: Delivery, track: Track, *, now: datetime, rate: float) -> 
 
 
 def _package(
-    package: PackageStatus, delivery: Delivery, mission: FlownMission | None
+    package: PackageStatus,
+    delivery: Delivery,
+    mission: FlownMission | None,
+    asked_proof: DropoffProof | None,
+    *,
+    now: datetime,
 ) -> TrackedPackage:
     asked = {each.package_id: each for each in delivery.request.packages}[package.package_id]
     proof = package.proof
@@ -172,6 +193,12 @@ def _package(
         proof_position=None if proof is None else proof.position,
         proof_mass_kg=None if proof is None else proof.mass_kg,
         alternative_id=(asked.alternative or delivery.pickup).station_id,
+        proof_until_at=(
+            package.proof_wait.until_at
+            if package.proof_wait is not None and package.awaits_proof(now)
+            else None
+        ),
+        dropoff_proof=asked_proof,
     )
 
 

@@ -95,7 +95,9 @@ async def test_a_delivery_is_deleted_with_its_personal_data(gateway_on_both: Gat
     await ExpiredPruning(parts.db, gateway.clock).step()
 
     kept = timedelta(days=2)
-    await DeliveryPruning(parts.db, parts.composition, gateway.clock, "one", kept).step()
+    await DeliveryPruning(
+        parts.db, parts.composition, gateway.clock, "one", kept, parts.photos
+    ).step()
 
     async with parts.db.read() as connection:
         left = await connection.exec_driver_sql("SELECT count(*) FROM personal_data")

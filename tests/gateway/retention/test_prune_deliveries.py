@@ -20,7 +20,7 @@ TABLES = ("deliveries", "packages", "custody", "missions", "events", "notificati
 
 def pruning(gateway: Gateway, claimant: str = "one") -> DeliveryPruning:
     parts = gateway.parts
-    return DeliveryPruning(parts.db, parts.composition, gateway.clock, claimant, KEPT)
+    return DeliveryPruning(parts.db, parts.composition, gateway.clock, claimant, KEPT, parts.photos)
 
 
 async def flown(gateway: Gateway) -> str:

@@ -58,6 +58,7 @@ from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.delivery_rows import Outdated, QueuedDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
+from skyway_gateway.proofs.upload_links import UploadLinks
 
 log = logging.getLogger(__name__)
 
@@ -77,6 +78,7 @@ class Booker:
     claimant: str
     waker: Waker
     forecast: LatenessForecast
+    uploads: UploadLinks
     chance: random.Random = field(default_factory=random.SystemRandom)
     missing: MissingParts = field(default_factory=lambda: MissingParts("booking"))
 
@@ -148,9 +150,12 @@ class Booker:
         return booking.outcome == "BOOKED"
 
     async def _ask(self, queued: QueuedDelivery, requested: BookMissions) -> Booking:
-        asked_at = self.clock.wall_now()
+        asked_at, delivery_id = self.clock.wall_now(), queued.delivery.delivery_id
+        # Only this question has the addresses of photos: they are secrets.
+        request = self.uploads.added_to(requested.request, delivery_id)
+        asked = requested.model_copy(update={"request": request})
         try:
-            return await self.composition.book(queued.delivery.delivery_id, requested)
+            return await self.composition.book(delivery_id, asked)
         except ServiceUnavailable as trouble:
             raise AnswerLost(trouble, asked_at) from trouble
 

@@ -1,5 +1,6 @@
 """What customers send and see: requests, accepted offers, and deliveries without ways home."""
 
+from collections.abc import Mapping
 from typing import Annotated
 
 from pydantic import Field
@@ -15,6 +16,7 @@ from skyway_gateway.personal_data.details import DeliveryDetails, HandOverDetail
 from skyway_gateway.personal_data.store import StoredPersonalData
 from skyway_gateway.places.customer_request import CustomerPackage, CustomerRequest
 from skyway_gateway.places.served import ServedPlace
+from skyway_gateway.proofs.verification import CustomerVerification, DropoffProof
 
 
 def shown_to(caller: Caller, delivery: Delivery) -> Delivery:
@@ -45,6 +47,14 @@ class NewPackage(PackageDetails, CustomerPackage):
 
     It may have another recipient and other instructions than the delivery.
     """
+
+    dropoff_verification: Annotated[
+        CustomerVerification | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="The proof without which it is not handed over; null without one.",
+        ),
+    ] = None
 
 
 class NewDelivery(DeliveryDetails, CustomerRequest):
@@ -77,6 +87,11 @@ class OfferChoice(DeliveryDetails):
 class ShownPackage(HandOverDetails, PackageStatus):
     """A package, where it is, when it is expected, and what it has instead of the delivery's."""
 
+    dropoff_proof: Annotated[
+        DropoffProof | None,
+        Field(description="The proof without which it is not handed over; null without one."),
+    ] = None
+
 
 class ShownDelivery(DeliveryDetails, Delivery):
     """One delivery, with the personal data that its customer gave."""
@@ -94,11 +109,19 @@ class ShownDelivery(DeliveryDetails, Delivery):
     ] = None
 
     @classmethod
-    def of(cls, delivery: Delivery, stored: StoredPersonalData) -> "ShownDelivery":
-        """The delivery with its personal data."""
+    def of(
+        cls,
+        delivery: Delivery,
+        stored: StoredPersonalData,
+        proofs: Mapping[str, DropoffProof],
+    ) -> "ShownDelivery":
+        """The delivery with its personal data and the proofs of its packages."""
         own = {each.package_id: dict(each) for each in stored.data.packages}
         packages = tuple(
-            ShownPackage.model_construct(**dict(each) | own.get(each.package_id, {}))
+            ShownPackage.model_construct(
+                **dict(each) | own.get(each.package_id, {}),
+                dropoff_proof=proofs.get(each.package_id),
+            )
             for each in delivery.packages
         )
         given = {name: getattr(stored.data, name) for name in DeliveryDetails.model_fields}

@@ -1,6 +1,7 @@
 """A delivery as its customer sees it: the life of one request, and its states in order."""
 
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Annotated, Final, Literal
 
 from pydantic import Field, computed_field
@@ -117,6 +118,13 @@ class Proof(WireModel):
     ] = None
 
 
+class ProofWait(WireModel):
+    """How long a drone waits with a package for the proof of its hand-over."""
+
+    since_at: FleetMoment
+    until_at: FleetMoment
+
+
 class PackageStatus(JsonModel):
     """A package, where it is, and when it is expected."""
 
@@ -171,6 +179,14 @@ class PackageStatus(JsonModel):
         str | None, Field(description="Why the package is not delivered, in words.")
     ] = None
     proof: Annotated[Proof | None, Field(description="What its hand-over left behind.")] = None
+    proof_wait: Annotated[
+        ProofWait | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="Since when and until when a drone waits, or has waited, for the proof of "
+            "its hand-over.",
+        ),
+    ] = None
     position: Annotated[
         Position | None,
         Field(description="Longitude and latitude, degrees, if a drone went down with it."),
@@ -180,6 +196,12 @@ class PackageStatus(JsonModel):
     def is_waiting(self) -> bool:
         """Whether the package waits for a mission."""
         return self.state == "CREATED" and self.mission_id is None
+
+    def awaits_proof(self, now: datetime) -> bool:
+        """Whether a drone waits for the proof of its hand-over at this moment of fleet time."""
+        wait = self.proof_wait
+        is_there = self.state in ("LOADED", "IN_TRANSIT")
+        return is_there and wait is not None and now <= wait.until_at
 
     @property
     def is_settled(self) -> bool:

@@ -89,6 +89,21 @@ def flown_by(mission: DeliveryMission) -> Data:
     }
 
 
+def proof_awaited(delivery: Delivery, mission: DeliveryMission, report: MissionReport) -> Data:
+    """Data of `delivery.proof_awaited`: which proofs the drone waits for, and until when."""
+    asked = {each.package_id: each.dropoff_verification for each in delivery.request.packages}
+    return {
+        **flown_by(mission),
+        "station_id": report.station_id,
+        "packages": [
+            {"package_id": each, "method": verification.method}
+            for each in report.package_ids
+            if (verification := asked.get(each)) is not None
+        ],
+        "until_at": _text(report.until_at),
+    }
+
+
 def loaded(
     package_ids: Sequence[PackageId], mission: DeliveryMission, report: MissionReport
 ) -> Data:

@@ -17,6 +17,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
     DeliveryState,
     PackageStatus,
+    ProofWait,
 )
 from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission, Refusal
 from skyway_gateway.deliveries.lifecycle.package_changes import (
@@ -112,6 +113,21 @@ def _activity(delivery: Delivery, mission: DeliveryMission, report: MissionRepor
             where=lambda one: one.state == "LOADED" and one.mission_id == mission.mission_id,
         )
     return Progress(changed(delivery, activity=report.activity or delivery.activity))
+
+
+def _proof_awaited(delivery: Delivery, mission: DeliveryMission, report: MissionReport) -> Progress:
+    if report.until_at is None:
+        return Progress(delivery)
+    wait = ProofWait(since_at=report.at, until_at=report.until_at)
+    after = with_packages(
+        delivery,
+        lambda _: {"proof_wait": wait},
+        where=lambda one: (
+            one.package_id in report.package_ids and one.mission_id == mission.mission_id
+        ),
+    )
+    data = event_data.proof_awaited(delivery, mission, report)
+    return Progress(after, (Happening(DeliveryEventType.PROOF_AWAITED, report.at, data),))
 
 
 def _no_change(delivery: Delivery, _mission: DeliveryMission, _report: MissionReport) -> Progress:
@@ -229,6 +245,8 @@ _BY_KIND: Final[Mapping[str, Callable[[Delivery, FlownMission, MissionReport], P
     "LOADING": _loading,
     "LOADED": loaded,
     "ACTIVITY": _activity,
+    "PROOF_AWAITED": _proof_awaited,
+    "PIN_ENTERED": _no_change,
     "DELIVERED": delivered,
     "REPLANNING": _no_change,
     "REPLANNED": _replanned,

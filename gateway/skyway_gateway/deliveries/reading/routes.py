@@ -50,6 +50,7 @@ from skyway_gateway.lateness.lateness_forecast import host_delay_ms
 from skyway_gateway.lateness.store import kept_promises
 from skyway_gateway.notifications.delivery_events import EventStream
 from skyway_gateway.personal_data import store as personal_data
+from skyway_gateway.proofs import store as proof_store
 
 
 def reading_routes(
@@ -121,7 +122,8 @@ def _add_details(router: ServiceRouter, db: Database, composition: Composition) 
             delivery = await delivery_store.one_of(connection, caller, delivery_id)
             [found] = await read_store.with_places(connection, [delivery])
             personal = await personal_data.one_of(connection, delivery_id)
-        return ShownDelivery.of(shown_to(caller, found), personal)
+            proofs = await proof_store.of_delivery(connection, delivery_id)
+        return ShownDelivery.of(shown_to(caller, found), personal, proofs)
 
     @router.get("/v1/deliveries/{delivery_id}/plan")
     async def get_delivery_plan(delivery_id: DeliveryId, caller: KeyCaller) -> DeliveryPlan:

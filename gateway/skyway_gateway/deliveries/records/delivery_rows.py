@@ -28,6 +28,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     Flags,
     PackageStatus,
     Proof,
+    ProofWait,
 )
 from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission, Refusal
 from skyway_gateway.notifications.event_store import NumberedEvent, hash_after
@@ -269,6 +270,7 @@ def package_values(package: PackageStatus) -> Values:
         "code": package.code,
         "detail": package.detail,
         "proof": package.proof and package.proof.model_dump_json(),
+        "proof_wait": package.proof_wait and package.proof_wait.model_dump_json(),
         "position": package.position and _POSITION.dump_json(package.position).decode(),
     }
 
@@ -302,6 +304,7 @@ def package_of(row: AnyRow) -> PackageStatus:
         code=row.code,
         detail=row.detail,
         proof=None if row.proof is None else Proof.read(row.proof),
+        proof_wait=None if row.proof_wait is None else ProofWait.read(row.proof_wait),
         position=None if row.position is None else _POSITION.validate_json(row.position),
     )
 

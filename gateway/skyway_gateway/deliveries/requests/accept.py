@@ -34,6 +34,7 @@ from skyway_gateway.deliveries.lifecycle.customer_forms import (
     RequestedDelivery,
 )
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Flags, PackageStatus
+from skyway_gateway.deliveries.proving.photos import Photos
 from skyway_gateway.deliveries.records.delivery_rows import QueuedDelivery, StoredDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
@@ -42,6 +43,8 @@ from skyway_gateway.personal_data import store as personal_data
 from skyway_gateway.personal_data.details import NO_DATA, PersonalData, require_packages
 from skyway_gateway.places.serve import PlaceServer
 from skyway_gateway.places.served import ServedPlace
+from skyway_gateway.proofs import store as proof_store
+from skyway_gateway.proofs.verification import CustomerVerification
 from skyway_gateway.quotes.accept_offer import OfferKeeper, accept_offer
 from skyway_gateway.quotes.check_request import CheckedRequest, RequestChecks
 from skyway_gateway.quotes.store import hold_of, one_of
@@ -120,6 +123,7 @@ class Acceptance:
     links: TrackingLinks
     #: How long personal data is kept after the end of its delivery.
     personal_kept: timedelta
+    photos: Photos
 
     async def accept(
         self,
@@ -248,7 +252,23 @@ class Acceptance:
         await self.quota.admit(tx, delivery.customer_id, is_scheduled=is_scheduled)
         self._add(tx, delivery, checked.request.pickup_position, has_key=has_key)
         self._add_personal(tx, delivery, requested, checked.places)
+        self._add_proofs(tx, delivery, requested)
         return delivery
+
+    def _add_proofs(self, tx: Tx, delivery: Delivery, requested: NewDelivery | OfferChoice) -> None:
+        """Add the proofs that are asked for. The PINs of an offer are made."""
+        asked = {
+            each.package_id: CustomerVerification(method=planned.method)
+            for each in delivery.request.packages
+            if (planned := each.dropoff_verification) is not None
+        }
+        for number, each in enumerate(delivery.request.packages):
+            if each.package_id in asked and asked[each.package_id].method == "PHOTO":
+                self.photos.require_store(f"packages.{number}.dropoff_verification.method")
+        if isinstance(requested, NewDelivery):
+            given = ((each.package_id, each.dropoff_verification) for each in requested.packages)
+            asked |= {package_id: each for package_id, each in given if each is not None}
+        proof_store.add(tx, delivery.delivery_id, asked)
 
     def _add_personal(
         self,

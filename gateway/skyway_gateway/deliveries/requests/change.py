@@ -18,7 +18,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.loops import Wake
-from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.clients import Composition
 from skyway_gateway.deliveries.booking.run_bookings import books_from
 from skyway_gateway.deliveries.lifecycle import event_data
@@ -27,6 +27,7 @@ from skyway_gateway.deliveries.lifecycle.changed_request import with_changed_req
 from skyway_gateway.deliveries.lifecycle.customer_forms import ShownDelivery, shown_to
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.progress import Progress, changed
+from skyway_gateway.deliveries.proving.photos import Photos
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.change_form import DeliveryChange
@@ -35,6 +36,7 @@ from skyway_gateway.notifications.delivery_events import Happening
 from skyway_gateway.personal_data import store as personal_data
 from skyway_gateway.personal_data.details import PersonalData, require_packages
 from skyway_gateway.personal_data.store import StoredPersonalData
+from skyway_gateway.proofs import store as proofs
 
 #: How often a change is planned again because the delivery was booked or changed meanwhile.
 _MOST_ATTEMPTS: Final = 3
@@ -71,6 +73,7 @@ class Changer:
     personal_kept: timedelta
     #: Wakes booking, which books a changed request.
     queued: Wake
+    photos: Photos
 
     async def change(
         self, caller: Caller, delivery_id: DeliveryId, requested: DeliveryChange
@@ -88,7 +91,8 @@ class Changer:
             It has no such package, would have too many members of metadata, or its request would be
             impossible.
         Conflict
-            TOO_LATE: the delivery is over or being cancelled, the package is handed over, or a
+            TOO_LATE: the delivery is over or being cancelled, the package is handed over or its
+            proof is given, or a
             drone has the mission whose request is to be changed. SHARED_TRIP: its drone flies for
             others too. NO_OFFER: see `ChangePlanner`. CHANGED_MEANWHILE: another call has changed
             it.
@@ -121,7 +125,10 @@ class Changer:
             if planned.names or planned.places:
                 places = planned.places_after(data.places)
                 data = data.model_copy(update={"places": places})
-            names = _changed_fields(personal.data, data)
+            names = [
+                *_changed_fields(personal.data, data),
+                *requested.new_pins(await proofs.of_delivery(tx.connection, delivery_id)),
+            ]
             progress = self._progress(before.delivery, planned, requested, names=names)
             if not requested.dry_run and progress.happenings:
                 created_at, kept = before.delivery.created_at, self.personal_kept
@@ -129,11 +136,30 @@ class Changer:
                     await personal_data.replace(
                         tx, delivery_id, data, created_at=created_at, kept=kept
                     )
+                await self._replace_proofs(tx, before.delivery, requested)
                 give_up = give_up_at(planned.request, self.clock) if planned.names else None
                 self.writer.save(tx, before, progress, give_up_at=give_up)
                 tx.after_commit(self.queued.set)
+            found = await proofs.of_delivery(tx.connection, delivery_id)
         shown = personal if data == personal.data else StoredPersonalData(data)
-        return ShownDelivery.of(shown_to(caller, _previewed(progress.delivery, planned)), shown)
+        shown_delivery = shown_to(caller, _previewed(progress.delivery, planned))
+        return ShownDelivery.of(shown_delivery, shown, found)
+
+    async def _replace_proofs(self, tx: Tx, before: Delivery, requested: DeliveryChange) -> None:
+        asked = {each.package_id: each.dropoff_verification for each in before.request.packages}
+        found = await proofs.of_delivery(tx.connection, before.delivery_id)
+        for each in requested.packages:
+            if "dropoff_verification" not in each.model_fields_set:
+                continue
+            after, stored = each.proof_after(asked[each.package_id]), found.get(each.package_id)
+            if stored is not None and stored.given_at is not None:
+                detail = f"the proof of package {each.package_id} is given already"
+                raise Conflict("TOO_LATE", detail)
+            if after is not None and after.method == "PHOTO":
+                self.photos.require_store("packages.dropoff_verification.method")
+            # A PIN stays if the change does not name it.
+            if each.gives_pin or after is None or stored is None or stored.method != after.method:
+                await proofs.replace(tx, (before.delivery_id, each.package_id), after)
 
     def _progress(
         self,
@@ -180,7 +206,10 @@ class Changer:
             await delivery_store.lock(tx, delivery_id)
             stored = await personal_data.one_of(tx.connection, delivery_id)
             await personal_data.erase(tx, delivery_id, at=now)
-        fields = tuple(sorted(stored.data.by_field()))
+            pictures = await proofs.make_due(tx, delivery_id, at=now)
+        # After a kill here, the loop erases the photos.
+        await self.photos.erase_due()
+        fields = (*sorted(stored.data.by_field()), *pictures)
         erased_at = now if fields else stored.erased_at
         return ErasedPersonalData(delivery_id=delivery_id, erased_at=erased_at, fields=fields)
 

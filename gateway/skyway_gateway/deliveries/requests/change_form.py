@@ -14,10 +14,17 @@ from skyway.delivery.request import (
     DeliveryRequest,
     Package,
 )
+from skyway.delivery.verification import DropoffVerification
 from skyway.drone.cargo import DangerousClass, Handling, SizeMm
 from skyway.errors import InvalidInput
 from skyway_gateway.personal_data.changes import PackageChange, PersonalDataChange
 from skyway_gateway.places.customer_request import CustomerPlace, CustomerRequest
+from skyway_gateway.proofs.verification import (
+    CustomerVerification,
+    DropoffProof,
+    VerificationChange,
+    read_verification,
+)
 
 
 class ChangedPackage(PackageChange):
@@ -55,6 +62,33 @@ class ChangedPackage(PackageChange):
     latest_at: Annotated[
         Moment | None, Field(description="The hand-over is over by then; null removes the limit.")
     ] = None
+    dropoff_verification: Annotated[
+        VerificationChange | None,
+        Field(
+            description="The proof of the hand-over. Its `pin` is changed until the hand-over, "
+            "everything else until a drone is sent; null removes the proof."
+        ),
+    ] = None
+
+    @property
+    def gives_pin(self) -> bool:
+        """Whether it names a PIN."""
+        proof = self.dropoff_verification
+        return proof is not None and "pin" in proof.model_fields_set
+
+    def proof_after(self, before: DropoffVerification | None) -> CustomerVerification | None:
+        """What the customer asks for after a change of the proof; no PIN if it gives none.
+
+        Raises
+        ------
+        InvalidInput
+            A new proof has no method, or its members do not fit each other.
+        """
+        if self.dropoff_verification is None:
+            return None
+        known = {} if before is None else {"method": before.method, "wait_s": before.wait_s}
+        given = self.dropoff_verification.model_dump(exclude_unset=True)
+        return read_verification(known | given, field="packages.dropoff_verification")
 
 
 class DeliveryChange(PersonalDataChange):
@@ -101,6 +135,17 @@ class DeliveryChange(PersonalDataChange):
             )
         return given
 
+    def new_pins(self, before: Mapping[str, DropoffProof]) -> list[str]:
+        """The names of the PINs that change, such as `packages.p1.dropoff_verification.pin`."""
+        return [
+            f"packages.{each.package_id}.dropoff_verification.pin"
+            for each in self.packages
+            if each.gives_pin
+            and each.dropoff_verification is not None
+            and each.package_id in before
+            and each.dropoff_verification.pin != before[each.package_id].pin
+        ]
+
     def asked_after(self, before: DeliveryRequest) -> CustomerRequest | None:
         """The request after the change, in the customer's form; None if it stays.
 
@@ -110,12 +155,12 @@ class DeliveryChange(PersonalDataChange):
             Members that are changed do not fit those that stay.
         """
         given = _given(self, _OF_REQUEST)
-        by_id = {each.package_id: _given(each, _OF_PACKAGE) for each in self.packages}
-        if not (given or any(by_id.values())):
+        by_id = {each.package_id: each for each in self.packages}
+        if not (given or any(_given(each, _OF_PACKAGE) for each in self.packages)):
             return None
         if self.qos is not None:
             given["qos"] = before.qos.merged(self.qos)
-        packages = [_asked(each) | by_id.get(each.package_id, {}) for each in before.packages]
+        packages = [_asked(each, by_id.get(each.package_id)) for each in before.packages]
         pickup = CustomerPlace(station_id=before.pickup.station_id)
         return CustomerRequest.checked(
             {**dict(before), **given, "pickup": pickup, "packages": packages}
@@ -151,10 +196,16 @@ def _given(form: DeliveryChange | ChangedPackage, names: tuple[str, ...]) -> dic
     return {name: getattr(form, name) for name in names if name in form.model_fields_set}
 
 
-def _asked(package: Package) -> dict[str, object]:
-    """A package with its stations as places."""
+def _asked(package: Package, change: ChangedPackage | None) -> dict[str, object]:
+    """A package after a change, with its stations as places."""
     other: CustomerPlace | None = None
     if package.alternative is not None:
         other = CustomerPlace(station_id=package.alternative.station_id)
     destination = CustomerPlace(station_id=package.destination.station_id)
-    return {**dict(package), "destination": destination, "alternative": other}
+    asked = {**dict(package), "destination": destination, "alternative": other}
+    if change is not None:
+        asked |= _given(change, _OF_PACKAGE)
+        if "dropoff_verification" in change.model_fields_set:
+            proof = change.proof_after(package.dropoff_verification)
+            asked["dropoff_verification"] = proof and proof.planned
+    return asked
