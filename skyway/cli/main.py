@@ -55,8 +55,8 @@ _SUMMARIES: Final = {
     "accept": "Accept an offer and print the id of its delivery.",
     "request": "Request a delivery and print its id.",
     "track": "Print what happens to a delivery, in fleet time, until it ends.",
-    "recipient": "Follow tracking pages like a recipient, and prove each hand-over when the drone is "
-    "there.",
+    "recipient": "Follow tracking pages like a recipient, and prove each hand-over when the drone "
+    "is there.",
     "drone": "Run the agent of one drone until Ctrl-C.",
     "fleet": "Run many simulated drones in one agent process until Ctrl-C.",
     "register": "Register the drones or batteries of a CSV file, or only check its rows.",
