@@ -52,6 +52,7 @@ class _CachedVersion:
     places: Mapping[StationId, tuple[Position, int]]
     loading_s: float = 0.0
     dropoff_s: float = 0.0
+    proof_s: float = 0.0
     names: Mapping[StationId, str] = field(default_factory=dict)
 
 
@@ -109,11 +110,14 @@ class CachedNetworks:
                 name = network.names.get(station_id)
                 yield KnownStation(station_id, (network_id, part), position, name)
 
-    def service_times_s(self, station_id: StationId) -> tuple[float, float]:
+    def service_times_s(
+        self, station_id: StationId, *, needs_proof: bool = False
+    ) -> tuple[float, float]:
         """How long loading and a hand-over take in a station's network; 0 if it is not cached."""
         for network in self._networks.values():
             if station_id in network.places:
-                return network.loading_s, network.dropoff_s
+                proof_s = network.proof_s if needs_proof else 0.0
+                return network.loading_s, network.dropoff_s + proof_s
         return 0.0, 0.0
 
     def version_of(self, network_id: NetworkId) -> int | None:
@@ -153,7 +157,7 @@ class CachedNetworks:
 def _cached_version(stations: NetworkStations) -> _CachedVersion:
     each = zip(stations.positions, stations.parts, strict=True)
     places = dict(zip(stations.station_ids, each, strict=True))
-    times_s = stations.loading_s, stations.dropoff_s
+    times_s = stations.loading_s, stations.dropoff_s, stations.proof_s
     return _CachedVersion(stations.version, places, *times_s, names=stations.names)
 
 

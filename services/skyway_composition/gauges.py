@@ -27,6 +27,7 @@ ALARM_CODES: Final = frozenset(
         "FORGED_MESSAGES",
         "HAND_OVER_UNKNOWN",
         "HOLD_REFUSED",
+        "PROOF_REFUSED",
         "IMPLAUSIBLE",
         "LATE_HAND_OVER",
         "LOADING_TIMEOUT",

@@ -41,6 +41,9 @@ PLANNED_AND_REACHES_SURELY: Final = Margin(5.0, 4.0)
 #: A drone may begin an instruction so long after it was sent: a short loss of its link is no harm.
 INSTRUCTION_LIFE: Final = Margin(60.0, 10.0)
 
+#: The least time that a drone waits for a proof: on a fast clock, programs give it too.
+PROOF_ARRIVES: Final = Margin(0.0, 20.0)
+
 # The start of missions.
 
 #: From now to the start of a mission that is booked now: planned, stored, sent and accepted.

@@ -102,6 +102,7 @@ async def _host(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> N
             accesses=crew.accesses,
             disturbances=settings.disturbances,
             mavlink=settings.mavlink,
+            api_url=settings.enrolment.api_url,
         )
         serving, changing = asyncio.create_task(hosting), asyncio.create_task(crew.changed())
         try:

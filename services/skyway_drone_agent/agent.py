@@ -74,8 +74,10 @@ class DroneAgent:
         make_link: MakeLink,
         mint: Mint,
         book: VersionedLandings | None = None,
+        api_url: str = "",
     ) -> None:
         self._drone = drone
+        self._api_url = api_url
         self._book = book
         self._vehicle = vehicle
         self._clock = clock
@@ -143,6 +145,7 @@ class DroneAgent:
             uplink=uplink,
             drone_id=drone_id,
             book=self._book or NO_LANDINGS,
+            api_url=self._api_url,
         )
         if self._link.is_connected:
             await self._say_online()

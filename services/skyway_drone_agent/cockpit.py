@@ -11,6 +11,7 @@ from skyway_drone_agent.analysis.analysis import Lookout
 from skyway_drone_agent.analysis.landings import LandingSource
 from skyway_drone_agent.failsafes.guard import Guard
 from skyway_drone_agent.flying.mission import Gates
+from skyway_drone_agent.flying.pictures import PictureSender
 from skyway_drone_agent.flying.pilot import Pilot
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.link.events import EventSender, EventWriter
@@ -52,6 +53,7 @@ class Cockpit:
         uplink: Uplink,
         drone_id: DroneId,
         book: LandingSource,
+        api_url: str = "",
     ) -> Self:
         """The cockpit of a drone for the recorder's session; fleet time is set."""
         acks, events = AckQueue(uplink, recorder, clock), EventSender(uplink, recorder)
@@ -91,7 +93,8 @@ class Cockpit:
             energy_use=lookout.energy_use,
             events=writer,
         )
-        parts = (acks, events, link_monitor, state, telemetry, guard)
+        pictures = PictureSender(recorder, vehicle, clock, api_url=api_url)
+        parts = (acks, events, link_monitor, state, telemetry, guard, pictures)
         return cls(pilot, parts, inbox, link_monitor, cloud_monitor, state)
 
 

@@ -52,12 +52,13 @@ async def host_fleet(
     accesses: tuple[CloudAccess, ...] = (),
     disturbances: Disturbances = UNDISTURBED,
     mavlink: MavlinkSettings | None = None,
+    api_url: str = "",
 ) -> None:
     """Serve all drones until cancelled; a drone that fails does not disturb the others.
 
     Without `mqtt_url` each drone connects where its enrolment says. With `mavlink` there is one
     drone, and its autopilot flies it. With `accesses` the process reads stations that no mission
-    names.
+    names. Pictures of hand-overs go to the gateway at `api_url`, or where the accesses are.
 
     Raises
     ------
@@ -65,11 +66,18 @@ async def host_fleet(
         No broker is named for a drone, or there are several drones with `mavlink`.
     """
     brokers = {drone.drone_id: mqtt_url or _enrolled_broker(drone) for drone in drones}
+    api_url = api_url or next((each.api_url for each in accesses), "")
     clock = KeptClock(folder.clock_file)
     async with _landing_book(folder, accesses) as book:
         if mavlink is not None:
             await _host_real_drone(
-                drones, folder, clock=clock, book=book, brokers=brokers, mavlink=mavlink
+                drones,
+                folder,
+                clock=clock,
+                book=book,
+                brokers=brokers,
+                mavlink=mavlink,
+                api_url=api_url,
             )
         async with asyncio.TaskGroup() as group:
             group.create_task(_settle(), name="settle")
@@ -85,7 +93,13 @@ async def host_fleet(
                     disturbances=disturbances,
                 )
                 serving = _keep_flying(
-                    drone, folder, vehicle=vehicle, clock=clock, book=book, make_link=make_link
+                    drone,
+                    folder,
+                    vehicle=vehicle,
+                    clock=clock,
+                    book=book,
+                    make_link=make_link,
+                    api_url=api_url,
                 )
                 group.create_task(serving, name=drone.drone_id)
 
@@ -112,6 +126,7 @@ async def _host_real_drone(
     book: LandingBook,
     brokers: Mapping[DroneId, str],
     mavlink: MavlinkSettings,
+    api_url: str,
 ) -> Never:
     if len(drones) != 1:
         raise InvalidSettings(f"--vehicle is for one drone, and there are {len(drones)}")
@@ -130,7 +145,13 @@ async def _host_real_drone(
     async with mavlink_link(mavlink.address, clock, system_id=mavlink.system_id) as link:
         vehicle = await ready_vehicle(drone.model, clock, link, mavlink)
         await _keep_flying(
-            drone, folder, vehicle=vehicle, clock=clock, book=book, make_link=make_link
+            drone,
+            folder,
+            vehicle=vehicle,
+            clock=clock,
+            book=book,
+            make_link=make_link,
+            api_url=api_url,
         )
 
 
@@ -205,6 +226,7 @@ async def _keep_flying(
     clock: KeptClock,
     book: LandingBook,
     make_link: MakeLink,
+    api_url: str,
 ) -> Never:
     while True:
         try:
@@ -216,6 +238,7 @@ async def _keep_flying(
                 make_link=make_link,
                 mint=mint,
                 book=book,
+                api_url=api_url,
             )
             await agent.run()
         except Exception:

@@ -3,14 +3,14 @@
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import datetime, timedelta
 from itertools import pairwise
 from typing import Final, Protocol
 
-from skyway.contracts.flight_step import FlightStep, FlyStep
+from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
-from skyway.ids import StationId
+from skyway.ids import PackageId, StationId
 
 #: Flights, each with the mass of what is on board, in kilograms.
 LoadedFlights = Sequence[tuple[FlyStep, float]]
@@ -87,6 +87,13 @@ class StepRun:
     onward: tuple[FlyStep, ...] = ()
 
 
+def wait_ends_at(run: StepRun) -> datetime | None:
+    """When a hand-over that waits for proofs is given up; None if it waits for none."""
+    if not isinstance(run.step, DeliverStep) or not run.step.verification:
+        return None
+    return run.started_at + timedelta(seconds=run.step.recipient_wait_s)
+
+
 @dataclass(frozen=True, slots=True)
 class Standing:
     """A drone between two steps; a simulated drone learns its place from it."""
@@ -108,7 +115,8 @@ class Elsewhere:
 class Outcome:
     """How a step ended; `code` says why it did not end as planned.
 
-    `elsewhere` is where the drone is when that is not the end of the step.
+    `elsewhere` is where the drone is when that is not the end of the step. `handed_ids` are the
+    packages that a failed hand-over has handed over all the same.
     """
 
     ended_at: datetime
@@ -117,6 +125,7 @@ class Outcome:
     code: str | None = None
     has_failed: bool = False
     elsewhere: Elsewhere | None = None
+    handed_ids: tuple[PackageId, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,6 +171,10 @@ class Vehicle(Protocol):
 
     def recall(self, run: StepRun) -> bool | None:
         """Whether a hand-over that began before a restart was done; None if that is unknown."""
+        ...
+
+    async def photograph(self) -> bytes | None:
+        """A picture of the hand-over as JPEG; None without a camera."""
         ...
 
 

@@ -67,7 +67,7 @@ def call_gateway(
         idempotency_key=idempotency_key,
     )
     if not answer.is_success:
-        problem = _with_options(_problem(answer), options)
+        problem = _with_options(problem_of(answer), options)
         fail(f"{method} {path} was answered {answer.status_code}: {problem}")
     if silent := answer.headers.get(_SILENT_CELLS):
         typer.echo(f"without {silent}, which gave no answer", err=True)
@@ -127,7 +127,7 @@ def fail(message: str, *, exit_code: int = EXIT_REFUSED) -> NoReturn:
     raise typer.Exit(exit_code)
 
 
-def _problem(answer: "httpx.Response") -> str:
+def problem_of(answer: "httpx.Response") -> str:
     """The problem document in words.
 
     Several wrong fields have a line each. A field that the detail names is not printed twice.

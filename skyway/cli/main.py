@@ -20,6 +20,7 @@ _COMMANDS: Final = {
     "accept": "delivery:accept_command",
     "request": "delivery:request_command",
     "track": "delivery:track_command",
+    "recipient": "recipient:recipient_command",
     "drone": "drones.drone:drone_command",
     "fleet": "drones.fleet:fleet_command",
     "register": "drones.register:register_app",
@@ -54,6 +55,8 @@ _SUMMARIES: Final = {
     "accept": "Accept an offer and print the id of its delivery.",
     "request": "Request a delivery and print its id.",
     "track": "Print what happens to a delivery, in fleet time, until it ends.",
+    "recipient": "Follow tracking pages like a recipient, and prove each hand-over when the drone "
+    "is there.",
     "drone": "Run the agent of one drone until Ctrl-C.",
     "fleet": "Run many simulated drones in one agent process until Ctrl-C.",
     "register": "Register the drones or batteries of a CSV file, or only check its rows.",

@@ -186,3 +186,12 @@ def packages_of(step: FlightStep) -> tuple[PackageId, ...]:
     if isinstance(step, PickUpStep):
         return tuple(package.package_id for package in step.packages)
     return step.package_ids if isinstance(step, DeliverStep | ReturnStep) else ()
+
+
+def awaited_ids(step: FlightStep) -> tuple[PackageId, ...]:
+    """The packages that wait for a proof in this step."""
+    return (
+        tuple(each.package_id for each in step.verification)
+        if isinstance(step, DeliverStep)
+        else ()
+    )

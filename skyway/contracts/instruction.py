@@ -128,8 +128,8 @@ class ResumeInstruction(_Instruction):
 class HandOverInstruction(_Instruction):
     """The proofs of these packages are there: hand them over in the DELIVER under way.
 
-    It holds for the step whatever revision the mission has. A drone that does not wait for the
-    proofs, or waits no longer, refuses: NOT_AWAITED.
+    A later revision of the plan does not matter. A drone that does not wait for the proofs, or
+    waits no longer, refuses: NOT_AWAITED.
     """
 
     kind: Annotated[Literal["HAND_OVER"], Field(description="Always HAND_OVER.")] = "HAND_OVER"

@@ -273,7 +273,7 @@ class GivenProof(WireModel):
 
 
 class ProofAnswer(WireModel):
-    """The drone is told to hand the package over; it waits for proofs until `until_at`."""
+    """The drone is instructed to hand the package over; it waits for proofs until `until_at`."""
 
     until_at: FleetMoment
 

@@ -85,3 +85,7 @@ class NetworkStations(WireModel):
     dropoff_s: Annotated[
         float, Field(ge=0, description="How long a hand-over takes in the network, seconds.")
     ] = 0.0
+    proof_s: Annotated[
+        float,
+        Field(ge=0, description="How much longer it takes if the request needs a proof, seconds."),
+    ] = 0.0

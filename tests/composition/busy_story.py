@@ -45,6 +45,7 @@ ACTIONS: Final = (
     "lose_messages",
     "repeat_messages_in_disorder",
     "restart_composition",
+    "change_the_recipients",
     *["break_down"] * 2,
     *["drift_off_course"] * 2,
     *["occupy_pads"] * 2,
@@ -110,6 +111,9 @@ class Story:
                         "destination": {"station_id": chance.choice(others)},
                         "alternative": {"station_id": chance.choice("abc")}
                         if chance.random() < 0.2
+                        else None,
+                        "dropoff_verification": {"method": chance.choice(["PIN", "PHOTO"])}
+                        if chance.random() < 0.3
                         else None,
                     }
                     for number in range(chance.choice([1, 1, 2, 3]))
@@ -296,6 +300,10 @@ class Story:
     async def change_the_loaders(self, chance: Random) -> None:
         """From now on loaders load a little more, too much, nothing, or correctly again."""
         self.world.loaders = chance.choice(["RIGHT", "RIGHT", "LITTLE_MORE", "WRONG", "NONE"])
+
+    async def change_the_recipients(self, chance: Random) -> None:
+        """From now on recipients give all proofs, some, or none."""
+        self.world.recipients = chance.choice(["THERE", "THERE", "FIRST", "ABSENT"])
 
     async def restart_composition(self, _: Random) -> None:
         self.world.restart()

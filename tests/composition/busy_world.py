@@ -61,6 +61,7 @@ from tests.composition.drone_journals import ended_missions, handed_over, owners
 from tests.composition.ended_world import check_ended
 from tests.composition.flown_drone import FlownDrone
 from tests.composition.lone_replica import lone_replica
+from tests.composition.waiting_recipients import Recipients, give_proofs
 from tests.counting_mint import CountingMint
 
 #: Fleet seconds per second of wall time.
@@ -103,6 +104,7 @@ class BusyWorld:
         self.attempts: dict[str, int] = {}
         self.released: set[tuple[str, str]] = set()
         self.loaders, self._bookings_under_way = "RIGHT", 0
+        self.recipients: Recipients = "THERE"
         self._was_quiet: object = None
         self.restart()
 
@@ -188,6 +190,7 @@ class BusyWorld:
             for sweep in self.sweeps:
                 await sweep.step()
             await self._load()
+            await give_proofs(self.context, self.recipients)
             await self.keep_calendars()
 
     async def keep_calendars(self) -> None:

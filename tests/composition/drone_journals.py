@@ -31,8 +31,10 @@ def handed_over(
     """
     for drone in drones:
         for event in drone.journal.happened:
-            is_delivery = (event.event, event.step_kind) == ("STEP_ENDED", "DELIVER")
-            if is_delivery and event.code is None:
+            # After a wait for proofs a step may fail, and names what was handed over.
+            how = (event.event, event.code)
+            is_done = how in (("STEP_ENDED", None), ("STEP_FAILED", "RECIPIENT_ABSENT"))
+            if is_done and event.step_kind == "DELIVER":
                 for package_id in event.package_ids:
                     # The id of a package begins with the id of its delivery.
                     alone = package_id.split("_")[0], package_id

@@ -73,6 +73,22 @@ BREAKS = {
         ),
         "UPDATE custody SET custodian_kind = 'RECIPIENT' WHERE seq = 1",
     ],
+    "I6 a package that asks for a proof is delivered only with one": [
+        (
+            "UPDATE missions SET request = replace(request, '\"mass_kg\"', "
+            """'"dropoff_verification":{"method":"PIN"},"mass_kg"')"""
+        ),
+        (
+            "INSERT INTO custody SELECT delivery_id, package_id, 2, 'RECIPIENT', 'c', "
+            "mission_id, at_ms FROM custody"
+        ),
+    ],
+    "I6 a proof is one that its step awaits": [
+        (
+            "INSERT INTO proofs SELECT mission_id, 1, 'p1', delivery_id, 'p1', 'PIN', 1, NULL, 0 "
+            "FROM missions"
+        )
+    ],
     "I12 a current version is kept": ["UPDATE networks SET version = 7"],
 }
 

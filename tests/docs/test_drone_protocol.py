@@ -48,12 +48,15 @@ def test_the_page_names_every_refusal_code() -> None:
         "DIVERT",
         "RETURN_HOME",
         "RESUME",
+        "HAND_OVER",
         "CANCEL",
         "REPORT",
         "STEP_ENDED",
         "STEP_FAILED",
         "MISSION_ENDED",
         "ALARM",
+        "HAND_OVER_AWAITED",
+        "PIN_ENTERED",
     }
 
 

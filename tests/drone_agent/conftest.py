@@ -15,6 +15,7 @@ from skyway_drone_agent.messages.inbox import Inbox
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 
 from skyway.contracts.flight_step import (
+    AwaitedProof,
     DeliverStep,
     FlightStep,
     FlyStep,
@@ -27,6 +28,7 @@ from skyway.contracts.flight_step import (
 from skyway.contracts.instruction import (
     CancelInstruction,
     DivertInstruction,
+    HandOverInstruction,
     HoldInstruction,
     MissionInstruction,
     ReportInstruction,
@@ -143,6 +145,10 @@ class Cloud:
     def hold(self, **other: Any) -> HoldInstruction:
         return HoldInstruction.model_validate(self._of_mission(1, reason="test") | other)
 
+    def hand_over(self, *packages: str, step_id: int = 3, **other: Any) -> HandOverInstruction:
+        fields = self._of_mission(1, step_id=step_id, package_ids=packages)
+        return HandOverInstruction.model_validate(fields | other)
+
     def resume(self, **other: Any) -> ResumeInstruction:
         return ResumeInstruction.model_validate(self._of_mission(1) | other)
 
@@ -253,7 +259,10 @@ class Steps:
         )
         return self
 
-    def deliver(self, station: str, *packages: str, recipient_wait_s: float = 0.0) -> Self:
+    def deliver(
+        self, station: str, *packages: str, recipient_wait_s: float = 0.0, **proven_by: str
+    ) -> Self:
+        """Hand packages over; `proven_by` has the method of each that needs a proof."""
         self.made.append(
             DeliverStep(
                 **self._times(30.0),
@@ -261,6 +270,16 @@ class Steps:
                 package_ids=tuple(PackageId(name) for name in packages),
                 dropoff_s=30.0,
                 recipient_wait_s=recipient_wait_s,
+                verification=tuple(
+                    AwaitedProof.model_validate(
+                        {
+                            "package_id": name,
+                            "method": method,
+                            "upload_path": f"/up/{name}" if method == "PHOTO" else None,
+                        }
+                    )
+                    for name, method in proven_by.items()
+                ),
             )
         )
         return self

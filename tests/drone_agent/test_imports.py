@@ -35,6 +35,7 @@ LIBRARY = {
     "skyway.bounds",
     "skyway.complaints",
     "skyway.contracts",
+    "skyway.delivery",
     "skyway.drone",
     "skyway.errors",
     "skyway.geo",

@@ -232,7 +232,9 @@ class RequestChecks:
         _check_destinations(request)
         position = await self._check_stations(request)
         await self.composition.must_accept(request.pickup.station_id)
-        loading_s, dropoff_s = self.networks.service_times_s(request.pickup.station_id)
+        loading_s, dropoff_s = self.networks.service_times_s(
+            request.pickup.station_id, needs_proof=request.needs_proof
+        )
         check_windows(request, now=self.clock.now(), loading_s=loading_s, dropoff_s=dropoff_s)
         has_provider = await self._check_payload(request)
         return CheckedRequest(request, position, () if has_provider else (NO_PROVIDER,))

@@ -153,6 +153,8 @@ def _on_board(steps: Sequence[StepRecord]) -> set[PackageId]:
                 found |= set(packages_of(each.step))
             else:
                 found -= set(packages_of(each.step))
+        elif isinstance(each.step, DeliverStep) and each.event is not None:
+            found -= set(each.event.package_ids)  # those that had their proofs
     return found
 
 

@@ -1,5 +1,6 @@
 """The settings in a network's `settings` member, with their defaults."""
 
+from collections.abc import Iterable
 from typing import Annotated
 
 from pydantic import Field, ValidationError
@@ -7,7 +8,7 @@ from pydantic import Field, ValidationError
 from skyway.complaints import fault_of
 from skyway.contracts.margins import Margins
 from skyway.delivery.offer import Currency
-from skyway.delivery.request import MAX_TRIP_DESTINATIONS
+from skyway.delivery.request import MAX_TRIP_DESTINATIONS, Package
 from skyway.errors import InvalidNetwork
 from skyway.json_model import JsonModel
 from skyway.network.geojson_schema import NetworkGeoJson
@@ -124,6 +125,11 @@ class NetworkSettings(JsonModel):
             description="The most destinations of one drone's trip.",
         ),
     ] = 8
+
+    def hand_over_s(self, packages: Iterable[Package]) -> float:
+        """Planned time of each hand-over if these packages are delivered on one trip, seconds."""
+        needs_proof = any(each.dropoff_verification is not None for each in packages)
+        return self.dropoff_s + (self.proof_s if needs_proof else 0.0)
 
     @property
     def margins(self) -> Margins:

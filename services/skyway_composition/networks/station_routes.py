@@ -239,4 +239,5 @@ def _all_stations(skyway: PreparedNetwork) -> NetworkStations:
         names={columns.station_ids[row]: name for row, name in columns.names.items()},
         loading_s=skyway.settings.loading_s,
         dropoff_s=skyway.settings.dropoff_s,
+        proof_s=skyway.settings.proof_s,
     )

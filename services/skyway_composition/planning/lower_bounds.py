@@ -147,6 +147,7 @@ def _pace(
     lightest_kg = min(package.mass_kg for package in request.packages)
     destinations = request.destinations
     stops = len(destinations)
+    hand_overs_s = stops * settings.hand_over_s(request.packages)
     landings = stops - (request.pickup.station_id in destinations)
     return (
         time_factor / model.speed_empty_mps,
@@ -154,7 +155,7 @@ def _pace(
         time_factor * tour_m / fastest_mps,
         tour_m * flight_power_w(model, lightest_kg) / fastest_mps,
         fastest_s_per_soc(model) / model.battery_j,
-        settings.loading_s + stops * settings.dropoff_s + landings * model.stop_s,
+        settings.loading_s + hand_overs_s + landings * model.stop_s,
         model.stop_s,
         model.reserve_soc,
         model.battery_j,

@@ -83,7 +83,7 @@ def delivery_problem(
         source=request.pickup.station_id,
         packages=tuple(_to_load(each, start_ms=start_ms) for each in request.packages),
         loading_s=world.skyway.settings.loading_s,
-        dropoff_s=world.skyway.settings.dropoff_s,
+        dropoff_s=world.skyway.settings.hand_over_s(request.packages),
         latest_delivery_s=None if latest_ms is None else (latest_ms - start_ms) / 1000,
         pickup_not_before_s=(
             None
@@ -104,6 +104,7 @@ def onward_problem(
     There is no deadline, because a late package is better than a stranded one. A package on its way
     to its destination keeps its window.
     """
+    loads = tuple(loads)
     return Problem(
         network=world.skyway.network,
         start_at=ms_to_moment(start_ms),
@@ -112,7 +113,7 @@ def onward_problem(
         packages=tuple(
             _to_deliver(each.package, each.aim_station_id, start_ms=start_ms) for each in loads
         ),
-        dropoff_s=world.skyway.settings.dropoff_s,
+        dropoff_s=world.skyway.settings.hand_over_s(each.package for each in loads),
         closures=world.conditions.problem_closures(start_ms),
         are_on_board=True,
     )

@@ -25,6 +25,9 @@ QuarantineReason = Literal[
 #: The most bytes of a payload that are kept; a state has about 1 KiB. Our own choice.
 MOST_PAYLOAD_BYTES: Final = 8_192
 
+#: A PIN that was typed at a drone: a secret, which is not kept here.
+_PIN: Final = re.compile(rb'("pin"\s*:\s*")[^"]*')
+
 #: Characters that a terminal obeys instead of showing them.
 _CONTROL: Final = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
@@ -46,7 +49,8 @@ class SetAsideMessage:
     def of(
         cls, topic: str, ids: tuple[str, ...], payload: bytes, reason: QuarantineReason, detail: str
     ) -> "SetAsideMessage":
-        """The message on this topic; its ids are provider and drone."""
+        """The message on this topic, without a PIN; its ids are provider and drone."""
+        payload = _PIN.sub(rb"\1***", payload)
         return cls(
             topic=topic,
             provider_id=ProviderId(ids[0]),

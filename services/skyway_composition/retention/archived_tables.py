@@ -17,6 +17,7 @@ from skyway_composition.tables import (
     mission_steps,
     missions,
     no_shows,
+    proofs,
 )
 
 #: How the processes share work.
@@ -37,7 +38,7 @@ def _ended(table: Table, ended_ms: ColumnElement[int]) -> ArchivedTable:
 
 ARCHIVED: Final = (
     ArchivedTable(missions, missions.c.released_ms, missions, _is_over, _OF_WORK),
-    *map(_part, (mission_steps, cut_steps, custody, instructions)),
+    *map(_part, (mission_steps, cut_steps, custody, proofs, instructions)),
     ArchivedTable(
         guests,
         missions.c.released_ms,

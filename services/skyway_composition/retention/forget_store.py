@@ -34,6 +34,7 @@ from skyway_composition.tables import (
     missions,
     no_shows,
     outbox,
+    proofs,
 )
 
 _LOCK: Final = (
@@ -145,7 +146,7 @@ _OF_MISSION: Final[Sequence[Delete]] = tuple(
 )
 _OF_DELIVERY: Final[Sequence[Delete]] = tuple(
     delete(table).where(in_list(table.c.delivery_id, "delivery_ids"))
-    for table in (custody, cancellations, guests, missions, deliveries)
+    for table in (custody, proofs, cancellations, guests, missions, deliveries)
 )
 
 

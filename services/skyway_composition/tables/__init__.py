@@ -19,6 +19,7 @@ from skyway_composition.tables.missions import (
     mission_steps,
     missions,
     offer_holds,
+    proofs,
 )
 from skyway_composition.tables.networks import (
     closures,
@@ -56,6 +57,7 @@ __all__ = [
     "offer_holds",
     "outbox",
     "pad_reservations",
+    "proofs",
     "quarantine",
     "replicas",
     "stations",

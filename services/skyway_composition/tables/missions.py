@@ -201,6 +201,24 @@ custody = Table(
     ),
 )
 
+#: The proofs that a drone waits for, or has waited for, in a DELIVER. A package that goes to its
+#: alternative needs a new one there.
+proofs = Table(
+    "proofs",
+    metadata,
+    Column("mission_id", Text, ForeignKey("missions.mission_id"), primary_key=True),
+    Column("step_id", Integer, primary_key=True),
+    Column("flying_id", Text, primary_key=True),  # the package, by the id under which it flies
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), nullable=False),
+    Column("package_id", Text, nullable=False),  # by the customer's id
+    Column("method", Text, nullable=False),
+    Column("until_ms", BigInteger, nullable=False),  # when the drone gives up
+    Column("given_ms", BigInteger),  # when the proof came; null without one
+    Column("pins", SmallInteger, nullable=False),  # typed at the drone
+    CheckConstraint("method IN ('PIN', 'PHOTO', 'SIGNATURE')", name="proof_method"),
+    Index("proofs_by_package", "delivery_id", "package_id"),
+)
+
 #: Cancellations and their answers, so that a repeated cancellation gets the same answer.
 cancellations = Table(
     "cancellations",

@@ -87,14 +87,24 @@ class Cloud:
             headers["Idempotency-Key"] = idempotency_key
         return self._ask("POST", path, headers, json.dumps(body).encode())
 
+    def put_picture(self, path: str, picture: bytes) -> None:
+        """Upload a JPEG to an address that needs no key; it raises the errors of `get`."""
+        self._answer("PUT", path, {"Content-Type": "image/jpeg"}, picture)
+
     def _ask(self, method: str, path: str, headers: dict[str, str], body: bytes | None) -> Any:
+        try:
+            return json.loads(self._answer(method, path, headers, body))
+        except ValueError as error:
+            raise CloudUnreachable(f"{self._url} does not answer in JSON: {error}") from error
+
+    def _answer(self, method: str, path: str, headers: dict[str, str], body: bytes | None) -> bytes:
         # The scheme is http or https: see above.
         request = urllib.request.Request(  # noqa: S310
             self._url + path, data=body, headers=headers, method=method
         )
         try:
             with self._opener.open(request, timeout=_TIMEOUT_S) as answer:
-                return json.loads(answer.read(_LARGEST_ANSWER_BYTES))
+                return bytes(answer.read(_LARGEST_ANSWER_BYTES))
         except urllib.error.HTTPError as error:
             with error:  # the error is also the answer and holds the connection
                 raise _refusal(error) from error

@@ -4,7 +4,7 @@ The event of a step's end says where the drone is, and holds the evidence of a h
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection
 from dataclasses import replace
 from datetime import datetime
 from typing import Any, Never
@@ -16,10 +16,12 @@ from skyway.contracts.flight_step import (
     FlyStep,
     PickUpStep,
     ReturnStep,
+    awaited_ids,
     end_of,
     packages_of,
 )
 from skyway.contracts.message import utc_text
+from skyway.ids import PackageId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_drone_agent.failsafes.faults import in_words
 from skyway_drone_agent.flying.mission import Begin, Cut, End, Fail, Gates, Land, Stand, next_act
@@ -32,7 +34,7 @@ from skyway_drone_agent.journal.journal import JournalUnwritable
 from skyway_drone_agent.journal.logbook import Escape, Logbook, run_under_way
 from skyway_drone_agent.journal.records import StepBegun
 from skyway_drone_agent.link.events import EventWriter
-from skyway_drone_agent.vehicle import EnergyUse, Outcome, StepRun, Vehicle
+from skyway_drone_agent.vehicle import EnergyUse, Outcome, StepRun, Vehicle, wait_ends_at
 
 #: Seconds between two attempts to write the journal: of fleet time, or of wall time if longer.
 _WRITE_AGAIN_S = 1.0
@@ -65,6 +67,8 @@ class Pilot:
         self._started_at = clock.now()
         #: A step that an earlier agent began; it may have ended while no agent ran.
         self._left_behind = run_under_way(recorder.logbook)
+        #: When the hand-over began whose wait for proofs this agent has reported.
+        self._awaited_since: datetime | None = None
 
     async def run(self) -> Never:
         """Fly for ever."""
@@ -92,6 +96,7 @@ class Pilot:
             case Begin():
                 self._begin(act)
             case StepRun():
+                self._report_wait(act)
                 if not self._recall(act):
                     await self._end(act, self._vehicle.perform(act))
             case Land(run=run):
@@ -103,10 +108,19 @@ class Pilot:
             case End(at=at):
                 self._events.write(self._events.event("MISSION_ENDED", at))
 
+    def _report_wait(self, run: StepRun) -> None:
+        """Report once that the drone waits for proofs; again after a restart."""
+        if wait_ends_at(run) is None or self._awaited_since == run.started_at:
+            return
+        self._awaited_since = run.started_at
+        awaited = self._events.event("HAND_OVER_AWAITED", self._clock.now(), step=run.step)
+        fields = {"started_at": run.started_at, "package_ids": awaited_ids(run.step)}
+        self._events.write(awaited.model_copy(update=fields))
+
     def _recall(self, run: StepRun) -> bool:
         """Whether this ends a hand-over that an earlier agent began."""
         is_left_behind, self._left_behind = run == self._left_behind, None
-        if not is_left_behind or not _is_hand_over(run.step):
+        if not is_left_behind or not _is_hand_over(run):
             return False
         was_done = self._vehicle.recall(run)
         if was_done is False:
@@ -168,19 +182,20 @@ class Pilot:
         self._events.write(failed.model_copy(update={"code": act.code, "data": act.data}))
 
 
-def _is_hand_over(step: FlightStep) -> bool:
-    """Whether packages are handed over in this step without a loader who confirms it."""
-    if isinstance(step, PickUpStep):
-        return not step.awaits_confirmation
-    return isinstance(step, DeliverStep | ReturnStep)
+def _is_hand_over(run: StepRun) -> bool:
+    """Whether packages may be handed over now, without waiting for a loader or for proofs."""
+    if isinstance(run.step, PickUpStep):
+        return not run.step.awaits_confirmation
+    return isinstance(run.step, DeliverStep | ReturnStep) and wait_ends_at(run) is None
 
 
-def _proof_of(step: FlightStep, logbook: Logbook, *, at: datetime) -> dict[str, object]:
+def _evidence_of(
+    step: FlightStep, handed: Collection[PackageId], logbook: Logbook, *, at: datetime
+) -> dict[str, object]:
     """Place, moment and weights of a hand-over, as an event's `data`."""
     if isinstance(step, PickUpStep):
         packages, sign = step.packages, 1
     else:
-        handed = packages_of(step)
         packages, sign = tuple(one for one in logbook.packages if one.package_id in handed), -1
     mass_kg = {package.package_id: package.mass_kg for package in packages}
     return {
@@ -214,9 +229,10 @@ def _end_of_step(run: StepRun, outcome: Outcome, logbook: Logbook) -> _EndFields
     if outcome.elsewhere is not None:
         place = outcome.elsewhere
         fields |= {"station_id": place.station_id, "position": place.position}
-    if escape is not None or outcome.has_failed:
+    if escape is not None:
         return fields
-    return fields | _hand_over(step, outcome, logbook)
+    handed = outcome.handed_ids if outcome.has_failed else packages_of(step)
+    return fields | _hand_over(step, handed, logbook, at=outcome.ended_at)
 
 
 def _escaped(escape: Escape) -> _EndFields:
@@ -230,9 +246,10 @@ def _escaped(escape: Escape) -> _EndFields:
     return fields
 
 
-def _hand_over(step: FlightStep, outcome: Outcome, logbook: Logbook) -> _EndFields:
-    """The packages of a hand-over and its evidence; empty for other steps."""
-    package_ids = packages_of(step)
-    if not package_ids:
+def _hand_over(
+    step: FlightStep, handed: tuple[PackageId, ...], logbook: Logbook, *, at: datetime
+) -> _EndFields:
+    """The packages that changed hands and the evidence; empty without packages."""
+    if not handed:
         return {}
-    return {"package_ids": package_ids, "data": _proof_of(step, logbook, at=outcome.ended_at)}
+    return {"package_ids": handed, "data": _evidence_of(step, handed, logbook, at=at)}

@@ -1,10 +1,12 @@
 """What a mission becomes after new steps, a cancel, or the escape of a failsafe."""
 
+from collections.abc import Collection
 from datetime import datetime, timedelta
 from typing import Final, Protocol
 
 from skyway.contracts.drone_report import Failsafe
 from skyway.contracts.flight_step import (
+    DeliverStep,
     FlightStep,
     FlyStep,
     PackageOnBoard,
@@ -20,7 +22,7 @@ from skyway.contracts.instruction import (
 from skyway.drone.flight import flight_time_s
 from skyway.drone.model import DroneModel
 from skyway.geo import Position, distance_m
-from skyway.ids import StationId
+from skyway.ids import PackageId, StationId
 from skyway_drone_agent.journal.logbook import CurrentMission, Escape, FlownBefore
 from skyway_drone_agent.journal.records import Answer, FailsafeBegun, FailsafeOverridden
 
@@ -124,6 +126,17 @@ def _loaded(step: FlightStep, packages: tuple[PackageOnBoard, ...]) -> FlightSte
     if not isinstance(step, PickUpStep) or not step.awaits_confirmation:
         return step
     return step.model_copy(update={"packages": packages, "awaits_confirmation": False})
+
+
+def with_proofs(
+    mission: CurrentMission, package_ids: Collection[PackageId], *, at: datetime
+) -> CurrentMission:
+    """The mission once the proofs of these packages are there, for the DELIVER under way."""
+    step, *later = mission.steps
+    if not isinstance(step, DeliverStep):
+        return mission
+    steps = (step.proven(package_ids), *later)
+    return mission.model_copy(update={"steps": steps, "changed_at": at})
 
 
 def can_be_called_off(mission: CurrentMission, *, is_airborne: bool, is_loaded: bool) -> bool:

@@ -9,6 +9,7 @@ from skyway.contracts.instruction import (
     AnyInstruction,
     CancelInstruction,
     DivertInstruction,
+    HandOverInstruction,
     HoldInstruction,
     MissionInstruction,
     ResumeInstruction,
@@ -20,6 +21,7 @@ from skyway_drone_agent.journal.mission_changes import (
     mission_after,
     mission_escaping,
     mission_overridden,
+    with_proofs,
 )
 from skyway_drone_agent.journal.records import (
     AcceptanceSent,
@@ -136,7 +138,13 @@ def _alarmed(logbook: Logbook, event: DroneEvent) -> Logbook:
 
 
 def _step_failed(logbook: Logbook, mission: CurrentMission, event: DroneEvent) -> Logbook:
-    """The drone stands where the event says, or is down; no further step is released."""
+    """The drone stands where the event says, or is down; no further step is released.
+
+    A hand-over without all of its proofs has handed over the packages that the event names.
+    """
+    step, packages = mission.steps[0], logbook.packages
+    if isinstance(step, DeliverStep):
+        packages = tuple(one for one in packages if one.package_id not in event.package_ids)
     failed = mission.model_copy(
         update={
             "has_failed": True,
@@ -153,6 +161,7 @@ def _step_failed(logbook: Logbook, mission: CurrentMission, event: DroneEvent) -
             "station_id": event.station_id,
             "position": event.position,
             "soc": event.soc,
+            "packages": packages,
             "is_down": event.station_id is None,
         }
     )
@@ -228,11 +237,13 @@ def _carried_out(
         case CancelInstruction():
             return _called_off(logbook, before, at=at)
         case HoldInstruction():
-            held = before.model_copy(update={"is_held": True})
+            changed = before.model_copy(update={"is_held": True})
         case ResumeInstruction():
             free_at = before.free_at if is_airborne else max(at, before.free_at)
-            held = before.model_copy(update={"is_held": False, "free_at": free_at})
-    return logbook.model_copy(update={"mission": held})
+            changed = before.model_copy(update={"is_held": False, "free_at": free_at})
+        case HandOverInstruction():
+            changed = with_proofs(before, instruction.package_ids, at=at)
+    return logbook.model_copy(update={"mission": changed})
 
 
 def _called_off(logbook: Logbook, before: CurrentMission, *, at: datetime) -> Logbook:

@@ -3,7 +3,7 @@
 import asyncio
 import logging
 from dataclasses import replace
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Final
 
 from skyway.contracts.flight_step import (
@@ -22,7 +22,15 @@ from skyway_drone_agent.mavlink.flight import MavlinkFlight, begin_flight
 from skyway_drone_agent.mavlink.link import MavlinkLink, command, command_once
 from skyway_drone_agent.mavlink.mission import MissionRefused
 from skyway_drone_agent.mavlink.settings import MavlinkSettings
-from skyway_drone_agent.vehicle import Elsewhere, Outcome, Reading, Sample, Standing, StepRun
+from skyway_drone_agent.vehicle import (
+    Elsewhere,
+    Outcome,
+    Reading,
+    Sample,
+    Standing,
+    StepRun,
+    wait_ends_at,
+)
 
 log = logging.getLogger(__name__)
 
@@ -147,6 +155,11 @@ class MavlinkVehicle:
                 await self._planned_end(run)
                 return self._ended(run)
             case DeliverStep() | ReturnStep():
+                if (given_up_at := wait_ends_at(run)) is not None:
+                    # The cloud says when the proofs are there. One release drops all packages of
+                    # the step, so that none may be dropped before the last proof.
+                    await self._clock.sleep_until(given_up_at)
+                    return _failed(self._ended(run), code="RECIPIENT_ABSENT")
                 return await self._hand_over(run)
 
     def cut(self, run: StepRun, at: datetime) -> Outcome:
@@ -184,6 +197,9 @@ class MavlinkVehicle:
     def recall(self, run: StepRun) -> bool | None:
         """Whether this process has seen the hand-over done."""
         return self._releases.result_of(run)
+
+    async def photograph(self) -> None:
+        """No picture: the agent reads no camera of an autopilot."""
 
     async def _fly(self, run: StepRun, step: FlyStep) -> Outcome:
         route = (step, *run.onward)
@@ -253,7 +269,9 @@ class MavlinkVehicle:
 
     async def _planned_end(self, run: StepRun) -> None:
         planned = run.step.planned_end_at - run.step.planned_start_at
-        await self._clock.sleep_until(run.started_at + planned)
+        if isinstance(run.step, DeliverStep):
+            planned = timedelta(seconds=run.step.dropoff_s)
+        await self._clock.sleep_until((run.changed_at or run.started_at) + planned)
 
     def _ended(self, run: StepRun) -> Outcome:
         soc = self._soc(run)

@@ -5,11 +5,19 @@ from datetime import datetime
 from typing import Any
 
 from skyway.contracts.drone_report import Failsafe
-from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep, end_of
+from skyway.contracts.flight_step import (
+    DeliverStep,
+    FlightStep,
+    FlyStep,
+    PickUpStep,
+    end_of,
+    packages_of,
+)
 from skyway.contracts.instruction import (
     AnyInstruction,
     CancelInstruction,
     DivertInstruction,
+    HandOverInstruction,
     HoldInstruction,
     MissionInstruction,
     RefusalCode,
@@ -22,7 +30,13 @@ from skyway.drone.model import DroneModel
 from skyway.ids import StationId
 from skyway_drone_agent.failsafes.failsafe import Situation, severest
 from skyway_drone_agent.flying.step_checks import fault_in, heaviest_load_kg, shortfall_of
-from skyway_drone_agent.journal.logbook import CurrentMission, Logbook, run_to_cut, start_of
+from skyway_drone_agent.journal.logbook import (
+    CurrentMission,
+    Logbook,
+    run_to_cut,
+    run_under_way,
+    start_of,
+)
 from skyway_drone_agent.journal.mission_changes import (
     CUTTABLE,
     Revision,
@@ -30,7 +44,7 @@ from skyway_drone_agent.journal.mission_changes import (
     cuts_step_under_way,
     kept_steps,
 )
-from skyway_drone_agent.vehicle import EnergyUse, Vehicle
+from skyway_drone_agent.vehicle import EnergyUse, Vehicle, wait_ends_at
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,6 +221,8 @@ def refusal_of(
             )
         case HoldInstruction() | ResumeInstruction():
             return _not_flown(instruction, logbook)
+        case HandOverInstruction():
+            return _no_proof_awaited(instruction, logbook, now=now)
         case CancelInstruction():
             return _no_way_back(instruction, logbook)
         case ReportInstruction():
@@ -265,6 +281,25 @@ def _not_flown(
         return Refusal(RefusalCode.STALE_REVISION, f"{instruction.mission_id} is not flown")
     if mission.is_called_off:
         return Refusal(RefusalCode.STALE_REVISION, f"{instruction.mission_id} is called off")
+    return None
+
+
+def _no_proof_awaited(
+    instruction: HandOverInstruction, logbook: Logbook, *, now: datetime
+) -> Refusal | None:
+    """Why these packages are not handed over now; None if the drone waits for a proof of one."""
+    mission, run = logbook.mission, run_under_way(logbook)
+    if mission is None or mission.mission_id != instruction.mission_id or run is None:
+        return Refusal(RefusalCode.NOT_AWAITED, f"{instruction.mission_id} waits for no proof")
+    step = run.step
+    named = {*instruction.package_ids}
+    is_step = isinstance(step, DeliverStep) and step.step_id == instruction.step_id
+    if not is_step or not named <= {*packages_of(step)}:
+        return Refusal(RefusalCode.NOT_AWAITED, f"step {instruction.step_id} is not under way")
+    until_at = wait_ends_at(run)
+    if until_at is None or now > until_at:
+        detail = f"step {instruction.step_id} waits for no proof any more"
+        return Refusal(RefusalCode.NOT_AWAITED, detail)
     return None
 
 

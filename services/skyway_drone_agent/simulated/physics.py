@@ -17,7 +17,7 @@ from skyway.drone.model import DroneModel
 from skyway.ids import DroneId
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances, happens
 from skyway_drone_agent.simulated.flight import SimulatedFlight, flight_of
-from skyway_drone_agent.vehicle import Outcome, Sample, StepRun
+from skyway_drone_agent.vehicle import Outcome, Sample, StepRun, wait_ends_at
 
 
 def pad_free_at(step: RechargeStep, arrived_at: datetime, *, disturbed: Disturbances) -> datetime:
@@ -177,9 +177,21 @@ class Physics:
         return Outcome(ended_at, short_soc, energy_j=0.0, code="SHORT_CHARGE")
 
     def _delivered(self, run: StepRun, step: DeliverStep) -> Outcome:
-        if self._is_recipient_there(step):
-            ended_at = run.started_at + timedelta(seconds=step.dropoff_s)
-            return Outcome(ended_at, run.soc, energy_j=0.0)
+        dropoff = timedelta(seconds=step.dropoff_s)
+        given_up_at = wait_ends_at(run)
+        if given_up_at is not None:
+            handed_ids = step.ready_ids
+            return Outcome(
+                given_up_at + dropoff if handed_ids else given_up_at,
+                run.soc,
+                energy_j=0.0,
+                code="RECIPIENT_ABSENT",
+                has_failed=True,
+                handed_ids=handed_ids,
+            )
+        # A recipient who has given a proof is there.
+        if run.changed_at is not None or self._is_recipient_there(step):
+            return Outcome(_no_earlier(run, run.started_at) + dropoff, run.soc, energy_j=0.0)
         return Outcome(
             run.started_at + timedelta(seconds=step.recipient_wait_s),
             run.soc,

@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 from datetime import datetime
 from functools import lru_cache
+from pathlib import Path
 from typing import Final
 
 from skyway.contracts.flight_step import FlyStep, PickUpStep, RechargeStep
@@ -18,6 +19,9 @@ from skyway_drone_agent.simulated.wind_field import wind_field
 from skyway_drone_agent.vehicle import BatteryPack, Outcome, Reading, Sample, Standing, StepRun
 
 _PACK: Final = BatteryPack()
+
+#: What the camera of a simulated drone shows.
+_PICTURE: Final = Path(__file__).parent / "hand_over.jpg"
 
 #: The drone id for chance where no drone is named.
 _NO_DRONE: Final = DroneId("")
@@ -75,6 +79,10 @@ class SimulatedVehicle:
         """Whether the computed end has passed, which a restart does not change."""
         outcome = self._physics.outcome_of(run)
         return outcome.ended_at <= self._clock.now() and not outcome.has_failed
+
+    async def photograph(self) -> bytes:
+        """A small grey picture."""
+        return await asyncio.to_thread(_PICTURE.read_bytes)
 
 
 def _awaits_confirmation(run: StepRun) -> bool:

@@ -96,16 +96,28 @@ async def package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageSto
                 found[owner].goals |= goals
                 if row.state in ("ABORTED", "CANCELLED", "REFUSED"):
                     found[owner].given_up.add(row.mission_id)
-    done = mission_steps.c.status == "ENDED", mission_steps.c.kind == "DELIVER"
+    done = mission_steps.c.status != "PLANNED", mission_steps.c.kind == "DELIVER"
     async for row in survey.each(select(mission_steps).where(*done)):
-        is_cut, step = '"code":"CUT"' in (row.event or ""), step_json(row) or {}
-        for package_id in () if is_cut else step.get("package_ids", ()):
+        step = step_json(row) or {}
+        for package_id in _handed_over(row, step):
             alone = delivery_of.get(row.mission_id, ""), package_id
             owner = owner_of.get((row.mission_id, package_id), alone)
             if owner is not None:
                 place = row.mission_id, step.get("station_id", "")
                 found[owner].handed_over.append(place)
     return found
+
+
+def _handed_over(row: Any, step: Mapping[str, Any]) -> Iterable[str]:
+    """The packages that a DELIVER has handed over. Any: a row of mission_steps, and JSON.
+
+    A step that failed has handed over those that had their proofs; its event names them.
+    """
+    event = readable(None, json.loads, row.event or "") or {}
+    if row.status == "ENDED":
+        return () if event.get("code") == "CUT" else step.get("package_ids", ())
+    has_waited = step.get("verification") and event.get("code") == "RECIPIENT_ABSENT"
+    return event.get("package_ids", ()) if has_waited else ()
 
 
 def _requested(row: Any) -> dict[str, tuple[str, set[str]]]:  # a row of missions

@@ -51,6 +51,7 @@ from skyway_verifier.composition.links import LINKS, QUARANTINE
 from skyway_verifier.composition.missions import MISSIONS, NO_SHOWS, REPORTS, waiting_reports
 from skyway_verifier.composition.networks import CLOSURES, NETWORKS
 from skyway_verifier.composition.pads import HOLDS, PADS
+from skyway_verifier.composition.proofs import PROOFS
 from skyway_verifier.composition.steps import STEPS
 from skyway_verifier.facts import (
     CopyFacts,
@@ -111,6 +112,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *STEPS,
     *SHARED,
     *CUSTODY,
+    *PROOFS,
     *PADS,
     *CLOSURES,
     *NETWORKS,

@@ -14,7 +14,7 @@ from skyway_composition.context import Context
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import claim_next_place
-from skyway_composition.margins import HAND_OVER
+from skyway_composition.margins import HAND_OVER, PROOF_ARRIVES
 from skyway_composition.missions.booking.clear_way import MovedStandby, move_standbys
 from skyway_composition.missions.booking.hold_store import (
     drones_of_hold,
@@ -72,7 +72,7 @@ async def engage(
         if place is None:
             now, free = context.clock.now(), free_from(record)
             record = report_in(tx, context.mint, record, "QUEUED", at=now, free_from=free)
-        terms = StepTerms.of(record, skyway.settings)
+        terms = StepTerms.of(record, skyway.settings, proof_wait=PROOF_ARRIVES.span(context.clock))
         steps = flight_steps(skyway.network, [*part.trip.steps()], terms=terms, first_step=1)
         store.add(tx, record, next_end_ms=moment_to_ms(steps[0].planned_end_at))
         reserve(tx, {record.mission_id: await _needed_pads(tx, part)})

@@ -36,6 +36,7 @@ from skyway_composition.missions.mission.custody_store import (
     may_load,
 )
 from skyway_composition.missions.mission.end import put_in_doubt
+from skyway_composition.missions.mission.proof_store import proofs_of
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.share_views import with_pooled_price
 from skyway_composition.missions.mission.step_store import StepRecord, flown_totals
@@ -47,9 +48,10 @@ from skyway_composition.networks.station_store import stations_named
 async def is_believed(
     work: MissionUnitOfWork, record: MissionRecord, step: FlightStep | None, event: DroneEvent
 ) -> bool:
-    """Whether this event can have happened; `step` is the planned step that it ends, if any.
+    """Whether this event can have happened; `step` is the planned step that it is about, if any.
 
-    If not, neither custody nor the step changes: the mission is put in doubt.
+    Of a step that failed, `step` is only the part that was done. If the event cannot have happened,
+    neither custody nor the step changes: the mission is put in doubt.
     """
     reason = await _why_impossible(work, record, step, event)
     if reason is None:
@@ -62,7 +64,7 @@ async def is_believed(
         record,
         code="IMPLAUSIBLE",
         detail=f"{about} cannot be true: {reason}",
-        data={"event": event.model_dump(mode="json", exclude_defaults=True)},
+        data={"event": event.model_dump(mode="json", exclude_defaults=True, exclude={"pin"})},
     )
     return False
 
@@ -79,6 +81,7 @@ async def why_not_late_hand_over(
     return (
         why_too_early(event, sent_at=_sent_at(work, ended))
         or why_not_handed_over(step, event, ledger.with_masses(loaded))
+        or await _why_not_proven(work, ended, step)
         or await _why_out_of_reach(work, ended, ledger, event)
     )
 
@@ -160,12 +163,16 @@ async def _why_impossible(
 ) -> str | None:
     sent_at = _sent_at(work, record)
     reason = why_too_early(event, sent_at=sent_at)
-    if reason is not None or event.event != "STEP_ENDED":
+    if reason is not None:
         return reason
-    if event.code == "CUT":
+    if event.event == "STEP_ENDED" and event.code == "CUT":
         return await _why_not_cut(work, record, event)
     if not isinstance(step, HandOver):
         return None
+    if event.event in ("STEP_ENDED", "STEP_FAILED"):
+        reason = await _why_not_proven(work, record, step)
+    if reason is not None:
+        return reason
     read = _Ledger.before_loading if isinstance(step, PickUpStep) else _Ledger.of
     ledger = await read(work, record)
     return why_impossible(
@@ -176,6 +183,27 @@ async def _why_impossible(
         model=record.candidate.model,
         carried=ledger.with_masses(ledger.carried),
     ) or await _why_out_of_reach(work, record, ledger, event)
+
+
+def handed_over(step: FlightStep | None, event: DroneEvent) -> DeliverStep | None:
+    """The part of a failed DELIVER that was done: some packages had their proofs, others not."""
+    if not isinstance(step, DeliverStep) or not step.verification:
+        return None
+    done = tuple(each for each in step.package_ids if each in event.package_ids)
+    is_done = done and event.code == "RECIPIENT_ABSENT"
+    return step.model_copy(update={"package_ids": done}) if is_done else None
+
+
+async def _why_not_proven(
+    work: MissionUnitOfWork, record: MissionRecord, step: FlightStep | None
+) -> str | None:
+    """Why these packages cannot have been handed over: one of them has no proof."""
+    if not isinstance(step, DeliverStep) or not step.verification:
+        return None
+    known = await proofs_of(work.tx.connection, record.mission_id, step_id=step.step_id)
+    given = {each.flying_id for each in known if each.given_at is not None}
+    missing = {each.package_id for each in step.verification} & {*step.package_ids} - given
+    return f"no proof is there of {', '.join(sorted(missing))}" if missing else None
 
 
 async def _why_not_cut(

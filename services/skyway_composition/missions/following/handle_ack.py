@@ -73,8 +73,16 @@ async def handle_ack(work: MissionUnitOfWork, link: DroneLink, ack: Ack) -> None
         await _handle_refusal(work, work.links[link.drone_id], sent, ack)
     elif sent.kind == "HOLD" and ack.status == "REJECTED" and record is not None:
         await handle_refused_hold(work, record, sent, code=ack.code or RefusalCode.MALFORMED)
+    elif sent.kind == "HAND_OVER" and ack.status == "REJECTED" and record is not None:
+        await _raise_proof_refused(work, record, ack)
     elif sent.kind == "CANCEL" and record is not None and record.mission_id == sent.mission_id:
         await handle_answer_to_cancel(work, record, ack)
+
+
+async def _raise_proof_refused(work: MissionUnitOfWork, record: MissionRecord, ack: Ack) -> None:
+    """A drone did not hand over a package though its proof is there: the recipient must hear it."""
+    detail = f"the proof of a hand-over came in vain: {ack.detail or ack.code}"
+    await raise_alarm(work, record, level="WARNING", code="PROOF_REFUSED", detail=detail)
 
 
 async def _handle_answer_to_proposal(

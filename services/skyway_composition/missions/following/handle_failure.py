@@ -23,7 +23,12 @@ from skyway.contracts.flight_step import (
 from skyway.ids import PackageId
 from skyway.units import moment_to_ms
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.following.advance import begin, record_loading
+from skyway_composition.missions.following.advance import (
+    begin,
+    handed_over,
+    record_hand_over,
+    record_loading,
+)
 from skyway_composition.missions.mission.end import end_after_forced_landing, put_in_doubt
 from skyway_composition.missions.mission.instruct import send_mission
 from skyway_composition.missions.mission.record import MissionRecord, OccupiedPad, Stuck
@@ -57,6 +62,9 @@ async def handle_step_failure(
     if step is not None:
         await work.steps.end(record.mission_id, event, status="FAILED")
     record = begin(work, record, at=event.started_at or event.ended_at)
+    if (done := handed_over(step, event)) is not None:
+        record = await record_hand_over(work, record, done, event)
+        step = _without(step, done)
     code, detail = event.code or "STEP_FAILED", _in_words(event, step)
     if event.station_id is None:
         await end_after_forced_landing(
@@ -82,6 +90,14 @@ async def handle_step_failure(
         occupied=_occupied_pad(step, event) if code == Fault.PAD_OCCUPIED else None,
     )
     await _keep_stuck(work, record, stuck)
+
+
+def _without(step: FlightStep | None, done: DeliverStep) -> FlightStep | None:
+    """The part of a DELIVER that was not done."""
+    if not isinstance(step, DeliverStep):
+        return step
+    left = tuple(each for each in step.package_ids if each not in done.package_ids)
+    return step.model_copy(update={"package_ids": left})
 
 
 def _occupied_pad(step: FlightStep | None, event: DroneEvent) -> OccupiedPad | None:

@@ -19,10 +19,15 @@ from skyway_composition.links.instruction_store import last_cancel
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.following.advance import (
     begin,
+    handed_over,
     is_believed,
     record_hand_over,
     record_loading,
     record_return,
+)
+from skyway_composition.missions.following.await_proof import (
+    handle_awaited_proofs,
+    handle_entered_pin,
 )
 from skyway_composition.missions.following.handle_failure import (
     doubt_lost_journal,
@@ -85,10 +90,23 @@ async def handle_event(work: MissionUnitOfWork, link: DroneLink, event: DroneEve
             await _handle_step_end(work, record, event)
         case "ALARM":
             await _handle_plan_request(work, record, event)
-        case _ if not await is_believed(work, record, None, event):
-            return
+        case _:
+            await _handle_other(work, record, event)
+
+
+async def _handle_other(work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent) -> None:
+    """Handle a failure, a wait for proofs, or the end of the mission, if it can be true."""
+    step = await work.steps.planned(record.mission_id, event)
+    done = handed_over(step, event) if event.event == "STEP_FAILED" else step
+    if not await is_believed(work, record, done, event):
+        return
+    match event.event:
         case "STEP_FAILED":
             await handle_step_failure(work, record, event)
+        case "HAND_OVER_AWAITED":
+            await handle_awaited_proofs(work, record, step, event)
+        case "PIN_ENTERED":
+            await handle_entered_pin(work, record, step, event)
         case "MISSION_ENDED":
             await _handle_mission_end(work, record, event)
 

@@ -29,6 +29,9 @@ _MOST_KG: Final = 1e5
 #: The messages of drones that composition reads.
 DroneReport = Ack | DroneEvent | DroneState | Connection
 
+#: Events of a drone that stands and waits for proofs: nothing has changed hands.
+_NO_HAND_OVER: Final = ("HAND_OVER_AWAITED", "PIN_ENTERED")
+
 #: The steps that change who has a package.
 HandOver = PickUpStep | DeliverStep | ReturnStep
 
@@ -92,7 +95,7 @@ def why_impossible(
     model: DroneModel,
     carried: Carried,
 ) -> str | None:
-    """Why this end of a hand-over cannot be true; None if it can.
+    """Why this end of a hand-over, or the wait for its proofs, cannot be true; None if it can.
 
     `earlier` are the steps before this one, in order, with the events that ended them. The mission
     was sent, or sent again, at `sent_at`, fleet time.
@@ -101,7 +104,7 @@ def why_impossible(
         _out_of_order(earlier)
         or _elsewhere(step, event)
         or _too_fast(event, earlier, sent_at, model)
-        or _without_evidence(step, event, carried)
+        or (None if event.event in _NO_HAND_OVER else _without_evidence(step, event, carried))
     )
 
 

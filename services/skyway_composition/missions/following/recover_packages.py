@@ -62,7 +62,8 @@ async def hold_and_unload(work: MissionUnitOfWork, ended: MissionRecord, state: 
 
 async def record_late_event(work: MissionUnitOfWork, link: DroneLink, event: DroneEvent) -> None:
     """Note where packages of a mission that is over here were returned or handed over."""
-    passes_packages = event.event == "STEP_ENDED" and event.step_kind in ("RETURN", "DELIVER")
+    passes_packages = event.event == "STEP_ENDED" or event.code == "RECIPIENT_ABSENT"
+    passes_packages &= event.step_kind in ("RETURN", "DELIVER")
     if event.mission_id is None or event.station_id is None or not passes_packages:
         return
     ended = await store.get(work.tx.connection, event.mission_id, provider_id=None)

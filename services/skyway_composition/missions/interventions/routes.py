@@ -7,7 +7,7 @@ from fastapi.responses import JSONResponse
 from pydantic import Field
 
 from skyway.contracts.flight_step import PackageOnBoard
-from skyway.contracts.mission import Cancellation, CancelMissions
+from skyway.contracts.mission import Cancellation, CancelMissions, GivenProof, ProofAnswer
 from skyway.delivery.request import MAX_PACKAGE_MASS_KG, MAX_PACKAGES
 from skyway.ids import DeliveryId, MissionId, PackageId, ProviderId
 from skyway.json_model import JsonModel, QueryModel
@@ -28,6 +28,7 @@ from skyway_composition.missions.interventions.give_command import (
     give_command,
     preview_command,
 )
+from skyway_composition.missions.interventions.give_proof import give_proof
 from skyway_composition.missions.replanning.foresee import Foresight
 
 
@@ -72,7 +73,7 @@ _PREVIEWED: Final[dict[int | str, dict[str, Any]]] = {200: {"model": CommandPrev
 def intervention_routes(
     *, gate: ServiceGate, context: Context, foresight: Foresight
 ) -> ServiceRouter:
-    """Loading and commands under /v1/missions, the gateway's cancellations under /internal."""
+    """Loading and commands under /v1/missions; the gateway's calls under /internal."""
     router = ServiceRouter(tags=("missions",))
 
     @router.post(
@@ -138,5 +139,18 @@ def intervention_routes(
         """Cancel packages; loaded packages come back, and a repeated call gets the same answer."""
         caller.must_be_service("gateway")
         return await cancel_packages(context, delivery_id, requested)
+
+    @router.post(
+        "/internal/deliveries/{delivery_id}/proofs",
+        responses=conflicts("MISSION_OVER", "NOT_AWAITED"),
+    )
+    async def give_proof_of_package(
+        delivery_id: DeliveryId,
+        caller: Annotated[Caller, Depends(gate)],
+        given: Annotated[GivenProof, Depends(internal_body(GivenProof))],
+    ) -> ProofAnswer:
+        """Give the proof of a package to the drone that waits for it."""
+        caller.must_be_service("gateway")
+        return await give_proof(context, delivery_id, given.package_id)
 
     return router

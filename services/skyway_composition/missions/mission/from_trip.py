@@ -1,13 +1,15 @@
 """From a planned trip to a mission, and to the steps that a drone can fly alone."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from itertools import zip_longest
-from typing import Self
+from typing import Any, Self
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.flight_step import (
+    AwaitedProof,
     DeliverStep,
     FlightStep,
     FlyStep,
@@ -19,6 +21,7 @@ from skyway.contracts.flight_step import (
 )
 from skyway.contracts.mission import Mission, PackageEta
 from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, Recharge, Wait
+from skyway.delivery.verification import PlannedVerification
 from skyway.ids import DeliveryId, MissionId, PackageId, StationId
 from skyway.network.network import Network, Segment
 from skyway.runtime.tracing import current_traceparent
@@ -37,20 +40,38 @@ from skyway_composition.planning.world import World
 class StepTerms:
     """What the steps of a mission need beyond its plan.
 
-    At the stops where the plan delivers the packages in `returned`, they are handed back.
+    A hand-over takes `dropoff_s`; the time for a proof in the plan comes before. A drone waits for
+    the proof of a package in `verified` for `proof_wait_s` at least. At the stops where the plan
+    delivers the packages in `returned`, they are handed back.
     """
 
     masses_kg: Mapping[PackageId, float]
     recipient_wait_s: float = 0.0
+    dropoff_s: float = math.inf
+    proof_wait_s: float = 0.0
+    verified: Mapping[PackageId, PlannedVerification] = field(default_factory=dict)
     awaits_confirmation: bool = False
     returned: frozenset[PackageId] = frozenset()
 
     @classmethod
-    def of(cls, record: MissionRecord, settings: NetworkSettings) -> Self:
+    def of(
+        cls,
+        record: MissionRecord,
+        settings: NetworkSettings,
+        *,
+        proof_wait: timedelta = timedelta(),
+    ) -> Self:
         """The terms of a mission in a network with these settings."""
         return cls(
             masses_kg={each.package_id: each.mass_kg for each in record.request.packages},
             recipient_wait_s=settings.recipient_wait_s,
+            dropoff_s=settings.dropoff_s,
+            proof_wait_s=proof_wait.total_seconds(),
+            verified={
+                each.package_id: each.dropoff_verification
+                for each in record.request.packages
+                if each.dropoff_verification is not None
+            },
             awaits_confirmation=record.mission.loading == "AWAITED",
             returned=frozenset(each.package_id for each in record.aims if each.kind == "RETURN"),
         )
@@ -110,9 +131,24 @@ def _hand_overs(
             planned_end_at=end_at,
             station_id=step.station_id,
             package_ids=delivered,
-            dropoff_s=step.end_s - step.start_s,
-            recipient_wait_s=terms.recipient_wait_s,
+            dropoff_s=min(step.end_s - step.start_s, terms.dropoff_s),
+            **_waiting(delivered, terms),
         )
+
+
+def _waiting(package_ids: Sequence[PackageId], terms: StepTerms) -> dict[str, Any]:
+    """The fields of a DELIVER about its wait. Any: a tuple and a number."""
+    asked = {each: terms.verified[each] for each in package_ids if each in terms.verified}
+    if not asked:
+        return {"recipient_wait_s": terms.recipient_wait_s}
+    waits_s = [each.waits_s(terms.recipient_wait_s) for each in asked.values()]
+    return {
+        "recipient_wait_s": max(terms.proof_wait_s, *waits_s),
+        "verification": tuple(
+            AwaitedProof(package_id=name, method=each.method, upload_path=each.upload_path)
+            for name, each in asked.items()
+        ),
+    }
 
 
 def _flight_steps(

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
+from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import DeliverStep, FlightStep, PickUpStep, ReturnStep
 from skyway.contracts.margins import Margins
 from skyway.contracts.mission import Mission, PackageEta
@@ -14,7 +15,15 @@ from skyway_composition.missions.mission.share import Share
 from skyway_composition.missions.mission.step_store import StepRecord
 
 #: These reports are only about the packages that they name.
-_OF_PACKAGES: Final = ("LOADED", "DELIVERED", "RETURNING", "RETURNED", "RELEASED")
+_OF_PACKAGES: Final = (
+    "LOADED",
+    "PROOF_AWAITED",
+    "PIN_ENTERED",
+    "DELIVERED",
+    "RETURNING",
+    "RETURNED",
+    "RELEASED",
+)
 
 #: These reports say why the trip is not flown as planned; the others say what has happened.
 _OF_THE_PLAN: Final = ("REPLANNING", "REPLANNED", "REFUSED")
@@ -191,7 +200,11 @@ def _own_step(step: FlightStep, share: Share) -> FlightStep | None:
             return step.model_copy(update={"packages": packages})
         case DeliverStep() | ReturnStep():
             own = share.own(step.package_ids)
-            return step.model_copy(update={"package_ids": own}) if own else None
+            changed: dict[str, object] = {"package_ids": own}
+            if isinstance(step, DeliverStep):
+                # The addresses of pictures are for the drone only.
+                changed["verification"] = ()
+            return step.model_copy(update=changed) if own else None
         case _:
             return step
 
@@ -204,7 +217,18 @@ def own_steps(
     if share is None:
         return steps
     shown = [(each, _own_step(each.step, share)) for each in steps]
-    return [replace(each, step=step) for each, step in shown if step is not None]
+    return [
+        replace(each, step=step, event=_own_event(each.event, share))
+        for each, step in shown
+        if step is not None
+    ]
+
+
+def _own_event(event: DroneEvent | None, share: Share) -> DroneEvent | None:
+    """The end of a step with the share's packages only."""
+    if event is None:
+        return None
+    return event.model_copy(update={"package_ids": share.own(event.package_ids)})
 
 
 #: The members of a report.

@@ -15,6 +15,7 @@ from skyway.runtime.sql.database import Tx
 from skyway.scheduling.trip import without
 from skyway.units import ms_to_moment
 from skyway_composition.links.instruction_store import last_revision
+from skyway_composition.margins import PROOF_ARRIVES
 from skyway_composition.missions.mission.end import refuse
 from skyway_composition.missions.mission.from_trip import StepTerms, finished_wait, flight_steps
 from skyway_composition.missions.mission.instruct import send_mission
@@ -119,7 +120,7 @@ async def move(
     steps = flight_steps(
         skyway.network,
         list(planned.trip.steps()),
-        terms=StepTerms.of(record, skyway.settings),
+        terms=StepTerms.of(record, skyway.settings, proof_wait=PROOF_ARRIVES.span(work.clock)),
         first_step=1,
     )
     await work.steps.replace(record.mission_id, steps, first_step=1, revision=1)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from skyway.contracts.flight_step import FlyStep
+from skyway.runtime.clock import FleetClock
 from skyway.units import ms_to_moment
 from skyway_composition.closures.closure import Closure, ForeseenPlan
 from skyway_composition.context import Context
@@ -81,7 +82,7 @@ class Foresight:
                 found = await self._found(seen, supposed)
         except TimeoutError:
             is_late = True
-        revision = _revision(seen.after, found) if seen.after is not None else None
+        revision = None if seen.after is None else _revision(seen.after, found, self.context.clock)
         landing = self._landing(seen, found, revision)
         plan, code, detail = ("TIME_UP", None, None) if is_late else _plan_and_reason(seen, found)
         state = seen.before.link.state
@@ -137,11 +138,11 @@ class Foresight:
         return None
 
 
-def _revision(after: Situation, found: Found | None) -> Revision | None:
+def _revision(after: Situation, found: Found | None, clock: FleetClock) -> Revision | None:
     """The revision that would be sent."""
     if not isinstance(found, NewPlan):
         return None
-    return revision_of(found, after.record, after.link)
+    return revision_of(found, after.record, after.link, clock=clock)
 
 
 def _plan_and_reason(seen: Rehearsed, found: Found | None) -> _PlanAndReason:

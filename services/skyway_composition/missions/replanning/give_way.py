@@ -137,7 +137,8 @@ class StandbyRequests:
         remainder = await planner.plan(anchor, _WHY)
         if not isinstance(remainder, Remainder) or remainder.given_up is not None:
             return None
-        revision = revision_of(NewPlan(case, anchor, remainder), record, situation.link)
+        plan, clock = NewPlan(case, anchor, remainder), self.context.clock
+        revision = revision_of(plan, record, situation.link, clock=clock)
         if not record.with_mission(revision.mission).stays:
             # Nothing could be booked behind the mission until it is over.
             return None

@@ -21,11 +21,13 @@ from skyway.contracts.instruction import (
 from skyway.contracts.mission import Mission
 from skyway.delivery.plan import PickUp
 from skyway.ids import MissionId, PackageId
+from skyway.runtime.clock import FleetClock
 from skyway.scheduling.trip import PlacedStep
 from skyway.units import ms_to_moment
 from skyway_composition.links.courier import Draft
 from skyway_composition.links.instruction_store import kind_of_revision
 from skyway_composition.links.link import DroneLink
+from skyway_composition.margins import PROOF_ARRIVES
 from skyway_composition.missions.mission.from_trip import (
     StepTerms,
     finished_wait,
@@ -278,11 +280,17 @@ def _report_replanned(
 _LONGEST_WAIT: Final = timedelta(days=7)
 
 
-def revision_of(plan: NewPlan, record: MissionRecord, link: DroneLink) -> Revision:
+def revision_of(
+    plan: NewPlan, record: MissionRecord, link: DroneLink, *, clock: FleetClock
+) -> Revision:
     """The mission's next revision by this plan, with its steps."""
     case, anchor, remainder = plan.case, plan.anchor, plan.remainder
     trouble, world, skyway = case.trouble, case.world, case.world.skyway
-    terms = StepTerms.of(replace(record, aims=remainder.aims), skyway.settings)
+    terms = StepTerms.of(
+        replace(record, aims=remainder.aims),
+        skyway.settings,
+        proof_wait=PROOF_ARRIVES.span(clock),
+    )
     if remainder.given_up is not None:
         terms = replace(terms, returned=anchor.carried)
     steps: tuple[FlightStep, ...] = flight_steps(

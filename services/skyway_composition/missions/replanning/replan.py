@@ -137,7 +137,7 @@ class Replanner:
         work = await MissionUnitOfWork.lock_as_seen(self.context, tx, case.seen)
         record = work.missions[case.record.drone_id]
         await retry_stuck(tx, record.mission_id, at_wall_ms=0)
-        revision = revision_of(plan, record, work.links[record.drone_id])
+        revision = revision_of(plan, record, work.links[record.drone_id], clock=work.clock)
         is_closed = case.closed.closes_landing(anchor.station_id, anchor.at_ms)
         if is_closed and plan.remainder.given_up:
             await _raise_no_landing(work, record, anchor)

@@ -49,7 +49,7 @@ MUTANTS = (
     Mutant(
         "packages are picked up again after a restart",
         "flying/pilot.py",
-        "if not is_left_behind or not _is_hand_over(run.step):",
+        "if not is_left_behind or not _is_hand_over(run):",
         "if not is_left_behind or not isinstance(run.step, DeliverStep | ReturnStep):",
     ),
     Mutant(

@@ -82,7 +82,8 @@ def fleet_problem(
         "pad_reservations": tuple(_reservations(fleet, world, held, times=times)),
         "closures": world.conditions.problem_closures(base_ms),
         "loading_s": settings.loading_s,
-        "dropoff_s": settings.dropoff_s,
+        # The fleet's problem has one time for all hand-overs: the longest.
+        "dropoff_s": settings.hand_over_s(one for each in waiting for one in each.request.packages),
         "hand_over_s": times.hand_over_ms / 1000,
         "pad_gap_s": settings.pad_gap_s,
         "prices": Prices(move_s=MOVE_S, energy_s_per_kwh=ENERGY_S_PER_KWH),
