@@ -49,6 +49,9 @@ from skyway_gateway import network_store
 
 log = logging.getLogger(__name__)
 
+#: Why a proof comes too late: another try cannot succeed.
+_TOO_LATE: Final = ("NOT_AWAITED", "MISSION_OVER")
+
 #: Where composition is asked to cancel packages.
 CANCELLATIONS_PATH: Final = "/internal/deliveries/{delivery_id}/cancellations"
 
@@ -335,7 +338,7 @@ class DeliveryReports:
         try:
             await self.servers.of(network_id).call(method, path, body=body)
         except RemoteProblem as refusal:
-            if refusal.problem.get("code") != "NOT_AWAITED":
+            if not path.endswith("/proofs") or refusal.problem.get("code") not in _TOO_LATE:
                 raise
             # A drone that waits again is told again.
             log.info("proof came too late", extra={"delivery_id": delivery_id})

@@ -8,6 +8,7 @@ import contextlib
 import logging
 import resource
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from functools import partial
 from typing import Never
 
 from skyway.ids import DroneId
@@ -69,15 +70,10 @@ async def host_fleet(
     api_url = api_url or next((each.api_url for each in accesses), "")
     clock = KeptClock(folder.clock_file)
     async with _landing_book(folder, accesses) as book:
+        serve = partial(_keep_flying, folder=folder, clock=clock, book=book, api_url=api_url)
         if mavlink is not None:
             await _host_real_drone(
-                drones,
-                folder,
-                clock=clock,
-                book=book,
-                brokers=brokers,
-                mavlink=mavlink,
-                api_url=api_url,
+                drones, folder, clock=clock, brokers=brokers, mavlink=mavlink, serve=serve
             )
         async with asyncio.TaskGroup() as group:
             group.create_task(_settle(), name="settle")
@@ -92,15 +88,7 @@ async def host_fleet(
                     mqtt_url=brokers[drone.drone_id],
                     disturbances=disturbances,
                 )
-                serving = _keep_flying(
-                    drone,
-                    folder,
-                    vehicle=vehicle,
-                    clock=clock,
-                    book=book,
-                    make_link=make_link,
-                    api_url=api_url,
-                )
+                serving = serve(drone, vehicle=vehicle, make_link=make_link)
                 group.create_task(serving, name=drone.drone_id)
 
 
@@ -123,10 +111,9 @@ async def _host_real_drone(
     folder: JournalFolder,
     *,
     clock: KeptClock,
-    book: LandingBook,
     brokers: Mapping[DroneId, str],
     mavlink: MavlinkSettings,
-    api_url: str,
+    serve: Callable[..., Awaitable[Never]],
 ) -> Never:
     if len(drones) != 1:
         raise InvalidSettings(f"--vehicle is for one drone, and there are {len(drones)}")
@@ -144,15 +131,7 @@ async def _host_real_drone(
     )
     async with mavlink_link(mavlink.address, clock, system_id=mavlink.system_id) as link:
         vehicle = await ready_vehicle(drone.model, clock, link, mavlink)
-        await _keep_flying(
-            drone,
-            folder,
-            vehicle=vehicle,
-            clock=clock,
-            book=book,
-            make_link=make_link,
-            api_url=api_url,
-        )
+        await serve(drone, vehicle=vehicle, make_link=make_link)
 
 
 def _enrolled_broker(drone: EnrolledDrone) -> str:
@@ -220,8 +199,8 @@ async def _keep_reading(book: LandingBook) -> None:
 
 async def _keep_flying(
     drone: EnrolledDrone,
-    folder: JournalFolder,
     *,
+    folder: JournalFolder,
     vehicle: Vehicle,
     clock: KeptClock,
     book: LandingBook,

@@ -96,6 +96,11 @@ class DataFolder:
         return self.path / "cells.json"
 
     @property
+    def photos(self) -> Path:
+        """The photos of hand-overs."""
+        return self.path / "photos"
+
+    @property
     def small_world_request(self) -> Path:
         """An empty file by which the gateway asks for the small world."""
         return self.path / "small-world.requested"

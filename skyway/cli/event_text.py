@@ -42,6 +42,9 @@ def _sentence(event_type: str, data: EventData) -> str:
             return f"loaded at {data['station_id']}: {', '.join(data['package_ids'])}{shared}"
         case "delivery.started":
             return "on its way"
+        case "delivery.proof_awaited":
+            until = _clock(data["until_at"])
+            return f"waits at {data['station_id']} for proof of the hand-over, until {until}"
         case "delivery.delayed":
             return f"late: {_etas(data['packages'])}"
         case "delivery.replanned":

@@ -58,6 +58,7 @@ def _examples() -> Iterator[tuple[str, datetime, Mapping[str, Any]]]:
     yield "delivery.dispatched", after(1), _FLOWN_BY
     yield "delivery.loaded", after(5), _loaded()
     yield "delivery.started", after(5), _FLOWN_BY
+    yield "delivery.proof_awaited", after(29), _proof_awaited()
     yield "delivery.delayed", after(12), {"packages": [_late()]}
     yield "delivery.replanned", after(12), _replanned()
     yield "package.delivered", after(35), _delivered()
@@ -153,6 +154,16 @@ def _replanned() -> Mapping[str, Any]:
         "later_s": 360.0,
     }
     return {**_FLOWN_BY, **_LOW, "revision": 2, "given_up": None, "packages": [package]}
+
+
+def _proof_awaited() -> Mapping[str, Any]:
+    waiting = {"package_id": "p1", "method": "PIN"}
+    return {
+        **_FLOWN_BY,
+        "station_id": MCQUEENEY,
+        "packages": [waiting],
+        "until_at": utc_text(after(34)),
+    }
 
 
 def _delivered() -> Mapping[str, Any]:

@@ -23,7 +23,7 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "MODEL_IN_USE": "Registered drones are of this model; use another model id.",
     "NAMED_MODEL": "The model is one of Skyway's own and cannot be replaced.",
     "NOTHING_ON_BOARD": "The drone carries nothing that it could bring home.",
-    "NOT_AWAITED": "No drone waits for this proof, or not any more.",
+    "NOT_AWAITED": "No drone waits for the proof of the package, or not any more.",
     "NOT_HELD": "The mission is not held.",
     "NOT_IN_DOUBT": "Only a mission in doubt can be given up.",
     "NOT_LOADING": "The drone does not wait at the pickup for its packages.",

@@ -18,6 +18,7 @@ LineKind = Literal[
     "CANCELLATION",
     "FAILURE",
     "LATENESS",
+    "WAITING",
 ]
 
 
@@ -29,7 +30,8 @@ class LineItem(JsonModel):
         Field(
             description="BASE, DISTANCE, MASS, RECHARGING: by the tariff. MINIMUM: up to the least "
             "price. PRIORITY: on top, for the class. POOLED: off, for a shared trip. CANCELLATION, "
-            "FAILURE, LATENESS: given back for what was cancelled, not delivered, or late."
+            "FAILURE, LATENESS: given back for what was cancelled, not delivered, or late. WAITING: "
+            "on top, for a drone that waited for the proof of a hand-over."
         ),
     ]
     amount: Annotated[

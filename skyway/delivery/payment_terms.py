@@ -54,6 +54,27 @@ class LateStep(JsonModel):
     ]
 
 
+class WaitingTerms(JsonModel):
+    """What it costs that a drone waits for the proof of a hand-over."""
+
+    free_min: Annotated[
+        int, Field(ge=0, le=60, description="The first minutes cost nothing, 0 to 60.")
+    ] = 0
+    per_min: Annotated[
+        int,
+        Field(
+            ge=0,
+            le=10**6,
+            description="The price of each minute after them that has begun, in minor units, 0 to "
+            "1000000.",
+        ),
+    ] = 0
+
+    def cost_of(self, waited_ms: int) -> int:
+        """What a wait costs, in minor units of the tariff's currency."""
+        return max(0, -(-waited_ms // 60_000) - self.free_min) * self.per_min
+
+
 class PaymentTerms(JsonModel):
     """The terms of a price: a booking freezes those of its tariff."""
 
@@ -68,6 +89,14 @@ class PaymentTerms(JsonModel):
             "shares, of which the last one that was passed counts. Without steps, nothing.",
         ),
     ] = ()
+
+    waiting: Annotated[
+        WaitingTerms | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="What it costs that the drone waits for a proof; nothing if null.",
+        ),
+    ] = None
 
     @model_validator(mode="after")
     def _late_rises(self) -> Self:

@@ -14,10 +14,10 @@ from tools.house_figures import ROOT, source_files
 from tools.trace_delivery import domain_files, own_calls, traced_calls
 
 #: Lines of source without migrations, by folder.
-MOST_LINES: Final = {"services/skyway_composition": 31_162, "skyway/runtime": 11_948}
+MOST_LINES: Final = {"services/skyway_composition": 31_631, "skyway/runtime": 11_948}
 
 #: Files of composition that import `MissionRecord`.
-MOST_IMPORTERS: Final = 40
+MOST_IMPORTERS: Final = 41
 
 #: Files that a delivery passes, as `tools/trace_delivery.py` counts them: about 190, and up to 24
 #: more on a busy machine, where a late drone gets another plan.

@@ -214,4 +214,36 @@ _PERSONAL: Final = (
     ),
 )
 
-ACCESS_AND_SIGNING: Final = (*_ACCESS, *_SIGNING, *_PERSONAL)
+_PROOF: Final = (
+    "INSERT INTO proofs (delivery_id, package_id, method, pin, given_by, given_ms, due_ms)"
+    " SELECT delivery_id, package_id, 'PIN', {values} FROM packages"
+    " WHERE delivery_id = :completed LIMIT 1"
+)
+_OLD: Final = (
+    f"; UPDATE deliveries SET created_ms = created_ms - {9 * _DAY_MS},"
+    f" updated_ms = updated_ms - {9 * _DAY_MS} WHERE delivery_id = :completed"
+)
+_PROOFS: Final = (
+    Corruption(
+        "a proof that nobody has asked for",
+        "a package has the proof that its request asks for",
+        gateway=_PROOF.format(values="NULL, 'KEYPAD', 5, NULL"),
+    ),
+    Corruption(
+        "a package delivered without its proof",
+        "a package that needs a proof is delivered with one",
+        gateway=_PROOF.format(values="NULL, NULL, NULL, NULL"),
+    ),
+    Corruption(
+        "a PIN of no use that was never erased",
+        "the PIN of a hand-over is erased in time",
+        gateway=_PROOF.format(values="'4711', NULL, NULL, NULL") + _OLD,
+    ),
+    Corruption(
+        "a picture that was never erased",
+        "the picture of a hand-over is erased in time",
+        gateway=_PROOF.format(values="NULL, 'DRONE', 5, 5"),
+    ),
+)
+
+ACCESS_AND_SIGNING: Final = (*_ACCESS, *_SIGNING, *_PERSONAL, *_PROOFS)

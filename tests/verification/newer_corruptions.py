@@ -347,6 +347,22 @@ _COMPOSITION: Final = (
     ),
 )
 
+_PROOFS: Final = (
+    Corruption(
+        "a delivered package whose proof nobody gave",
+        "I6 a package that asks for a proof is delivered only with one",
+        composition="UPDATE missions SET request = json_set(request,"
+        """ '$.packages[0].dropoff_verification', json('{"method":"PIN"}'))"""
+        " WHERE delivery_id = :completed",
+    ),
+    Corruption(
+        "a proof for which no step waits",
+        "I6 a proof is one that its step awaits",
+        composition="INSERT INTO proofs SELECT mission_id, 1, 'p1', delivery_id, 'p1', 'PIN', 1,"
+        " NULL, 0 FROM missions WHERE mission_id = :flying_mission",
+    ),
+)
+
 _REGISTRY: Final = (
     Corruption(
         "learned from a later state than was seen",
@@ -401,5 +417,6 @@ NEWER_CORRUPTIONS: Final = (
     *ACCESS_AND_SIGNING,
     *_SHARED,
     *_COMPOSITION,
+    *_PROOFS,
     *_REGISTRY,
 )

@@ -1,5 +1,6 @@
 // The tracking page: shows the state of a delivery, and follows it while it is under way.
 
+import {awaited, showProofs} from "./proofs.js";
 import {drawWay} from "./way_map.js";
 
 const STAGES = [
@@ -65,6 +66,7 @@ function headline(next) {
     case "ENDED": return state.state === "CANCELLED" ? "Cancelled" : "Not delivered";
     case "REQUESTED": return state.is_waiting ? "Waiting for a drone" : "Requested";
     default:
+      if (awaited(state)) return "The drone is here";
       if (next === undefined || state.is_replanning || isOverdue(next)) return withoutTime();
       return isArriving(next) ? "Arriving" : `Arrives at ${clockTime(next.eta_at)}`;
   }
@@ -72,6 +74,10 @@ function headline(next) {
 
 function detail(next) {
   if (state.is_over || next === undefined) return "";
+  const waiting = awaited(state);
+  if (waiting) {
+    return `It waits at ${nameOf(waiting.station_id)} until ${clockTime(waiting.proof_until_at)}.`;
+  }
   if (state.is_replanning) return "The plan is being changed. A new time follows.";
   if (isOverdue(next)) return `Expected at ${clockTime(next.eta_at)}. It takes longer than planned.`;
   const [from, until] = [clockTime(next.eta_at), clockTime(next.eta_until_at)];
@@ -155,6 +161,7 @@ function show() {
   setText("detail", detail(next));
   document.title = `${headline(next)} – your delivery`;
   showStages();
+  showProofs(element("proofs"), state, look);
   showPackages();
   const flying = drones === null ? state.drones : Object.values(drones);
   drawWay(element("map"), state, state.is_over ? [] : flying, nameOf);
@@ -171,7 +178,7 @@ function showEnd() {
   isEnded = true;
   setText("headline", "This link has ended");
   setText("detail", "Ask the sender for another one.");
-  for (const id of ["stages", "map", "packages"]) element(id).hidden = true;
+  for (const id of ["stages", "proofs", "map", "packages"]) element(id).hidden = true;
 }
 
 function showTrouble(text) {

@@ -65,6 +65,7 @@ class StatementItems(JsonModel):
     cancellation: _Amount
     failure: _Amount
     lateness: _Amount
+    waiting: _Amount
     correction: _Amount
 
 

@@ -7,13 +7,14 @@ from typing import Final
 
 from pydantic import AnyHttpUrl, TypeAdapter
 from skyway_gateway.access.scopes import Scope
-from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES, Proof
+from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES, Proof, ProofWait
 from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission, Refusal
-from skyway_gateway.delivery_tables import deliveries, missions, packages
+from skyway_gateway.delivery_tables import deliveries, missions, packages, proofs
 from skyway_gateway.notifications.secret_store import read_previous
 from skyway_gateway.notifications.secret_vault import read_stored_secret
 from skyway_gateway.personal_data.details import PersonalData
 from skyway_gateway.places.served import ServedPlace
+from skyway_gateway.proofs.signature import Signature
 from skyway_gateway.quotes.store import Offer
 from skyway_gateway.tables import (
     api_keys,
@@ -52,6 +53,7 @@ from skyway_verifier.gateway.events import EVENTS, NOTIFICATIONS
 from skyway_verifier.gateway.ledger import LEDGER
 from skyway_verifier.gateway.packages import PACKAGES, package_stories
 from skyway_verifier.gateway.personal_data import PERSONAL_DATA
+from skyway_verifier.gateway.proofs import PROOFS
 from skyway_verifier.rule import Rule, Survey
 from skyway_verifier.storage_rules import (
     form_rule,
@@ -76,6 +78,8 @@ _FORMS: Final = form_rule(
         deliveries.c.reasons: _REASONS,
         deliveries.c.offer: OfferLimits.read,
         packages.c.proof: Proof.read,
+        packages.c.proof_wait: ProofWait.read,
+        proofs.c.signature: Signature.read,
         packages.c.position: _POSITION,
         missions.c.body: FlownMission.read,
         events.c.body: _EVENT,
@@ -115,6 +119,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *CALLS,
     *API_KEYS,
     *PERSONAL_DATA,
+    *PROOFS,
 )
 
 

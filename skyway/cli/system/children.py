@@ -104,6 +104,9 @@ def environment(
             "SKYWAY_WEBHOOK_ALLOW_NETWORKS", "127.0.0.0/8"
         ),
         "SKYWAY_SMALL_WORLD_FILE": str(folder.small_world_request.resolve()),
+        "SKYWAY_PROOF_STORE": os.environ.get(
+            "SKYWAY_PROOF_STORE", folder.photos.resolve().as_uri()
+        ),
     }
     if folder.drone_ca.exists():
         settings["SKYWAY_DRONE_CA_DIR"] = str(folder.drone_ca.resolve())

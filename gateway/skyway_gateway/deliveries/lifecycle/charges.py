@@ -5,10 +5,11 @@ rules with examples.
 """
 
 from collections.abc import Sequence
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Final
 
 from skyway.delivery.offer import Price, total_price
+from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
 from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
 from skyway_gateway.deliveries.lifecycle.progress import CANCELLED_CODE, Progress, changed
@@ -59,10 +60,27 @@ def charge_of(
     price = mission.price.plus("FAILURE", -failure)
     if delivered:
         shares = (terms.late_share(_later(each, host_delay)) for each in delivered)
-        return price.plus("LATENESS", -round(amount * sum(shares) / len(packages)))
+        price = price.plus("LATENESS", -round(amount * sum(shares) / len(packages)))
+        return price.plus("WAITING", _waiting_cost(mission, [*delivered, *by_customer]))
     has_flown = any(each.state != "CANCELLED" for each in by_customer)
     share = terms.cancellation.in_flight if has_flown else terms.cancellation.until_loaded
-    return price.plus("CANCELLATION", round((amount - failure) * share) - (amount - failure))
+    price = price.plus("CANCELLATION", round((amount - failure) * share) - (amount - failure))
+    return price.plus("WAITING", _waiting_cost(mission, by_customer))
+
+
+def _waiting_cost(mission: FlownMission, packages: Sequence[PackageStatus]) -> int:
+    """What the waits for proofs cost: each from the arrival to the last hand-over, or its end."""
+    terms = mission.payment_terms.waiting
+    if terms is None:
+        return 0
+    waits: dict[datetime, int] = {}
+    for each in packages:
+        if (wait := each.proof_wait) is not None:
+            end_at = min(each.delivered_at or wait.until_at, wait.until_at)
+            # The database has whole milliseconds.
+            waited_ms = max(0, moment_to_ms(end_at) - moment_to_ms(wait.since_at))
+            waits[wait.since_at] = max(waited_ms, waits.get(wait.since_at, 0))
+    return sum(map(terms.cost_of, waits.values()))
 
 
 def _is_by_customer(package: PackageStatus) -> bool:

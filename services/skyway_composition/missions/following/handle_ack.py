@@ -80,7 +80,7 @@ async def handle_ack(work: MissionUnitOfWork, link: DroneLink, ack: Ack) -> None
 
 
 async def _raise_proof_refused(work: MissionUnitOfWork, record: MissionRecord, ack: Ack) -> None:
-    """A drone did not hand over a package though its proof is there: the recipient must hear it."""
+    """Raise an alarm: a drone did not hand over a package though its proof is there."""
     detail = f"the proof of a hand-over came in vain: {ack.detail or ack.code}"
     await raise_alarm(work, record, level="WARNING", code="PROOF_REFUSED", detail=detail)
 

@@ -73,7 +73,7 @@ async def last_report(composition: Any) -> Any:
 
 
 @pytest.mark.databases("sqlite", "postgresql")
-async def test_the_gateway_hears_who_must_give_a_proof_and_until_when(
+async def test_the_gateway_learns_who_must_give_a_proof_and_until_when(
     composition: Any, drone: Any, make: Any
 ) -> None:
     _, step = await awaited(composition, drone, make, "PIN", None)

@@ -2,9 +2,12 @@
 
 import asyncio
 from datetime import timedelta
+from typing import Any
 
+import httpx
 import pytest
 
+from skyway.delivery.payment_terms import PaymentTerms, WaitingTerms
 from tests.gateway.deliveries.proving.proofs import WAIT, asking, proof_of, recipient_of
 from tests.gateway.whole_gateway import Gateway
 
@@ -203,3 +206,72 @@ async def test_a_pin_leaves_when_its_package_comes_back(gateway: Gateway) -> Non
     await gateway.parts.photos.erase_due()
 
     assert (await recipient.package())["dropoff_proof"]["pin"] is None
+
+
+@pytest.mark.parametrize(
+    ("waited_s", "paid"), [(0, 0), (60, 0), (61, 50), (119, 50), (120, 50), (500, 50)]
+)
+async def test_a_drone_that_waits_is_paid_after_the_free_minute_and_up_to_the_wait(
+    gateway: Gateway, waited_s: int, paid: int
+) -> None:
+    terms = PaymentTerms(waiting=WaitingTerms(free_min=1, per_min=50))
+    gateway.composition.priced = {"payment_terms": terms}
+    recipient = await recipient_of(gateway, PIN)
+    await recipient.drone_waits()
+    await recipient.gives(pin="4711")
+    gateway.clock.advance(timedelta(seconds=waited_s))
+
+    await recipient.report("DELIVERED", package_ids=["p1"])
+
+    price = (await gateway.get(recipient.delivery_id))["price"]
+    assert price["amount"] == 1234 + paid
+    assert price["line_items"][1:] == ([{"kind": "WAITING", "amount": paid}] if paid else [])
+
+
+async def test_another_pin_is_a_change_of_the_customer_until_the_proof_is_given(
+    gateway: Gateway,
+) -> None:
+    recipient = await recipient_of(gateway, PIN)
+    await recipient.drone_waits()
+    await recipient.gives(pin="1111")
+    path = f"/v1/deliveries/{recipient.delivery_id}"
+
+    async def patch(change: object) -> httpx.Response:
+        body = {"packages": [{"package_id": "p1", "dropoff_verification": change}]}
+        return await gateway.http.patch(path, json=body, headers=gateway.customer)
+
+    refused = [(await patch(each)).status_code for each in (None, {"method": "SIGNATURE"})]
+    assert refused == [409, 409]
+    changed = await patch({"pin": "9999"})
+
+    assert changed.status_code == 200, changed.text
+    proof = changed.json()["packages"][0]["dropoff_proof"]
+    assert (proof["pin"], proof["wrong_pins"]) == ("9999", 0)
+    [event] = [
+        each
+        for each in await gateway.events(recipient.delivery_id)
+        if each["type"] == "delivery.changed"
+    ]
+    assert event["data"]["changed"] == ["packages.p1.dropoff_verification.pin"]
+    assert await recipient.gives(pin="4711") == 422
+    assert await recipient.gives(pin="9999") == 204
+    assert (await patch({"pin": "1234"})).status_code == 409
+
+
+async def test_a_scheduled_delivery_gets_another_proof_or_none(gateway: Gateway) -> None:
+    later = (gateway.clock.now() + timedelta(days=3)).isoformat()
+    answer = await gateway.post({**asking(PIN), "earliest_pickup_at": later})
+    path = f"/v1/deliveries/{answer.json()['delivery_id']}"
+
+    async def patch(change: object) -> Any:
+        body = {"packages": [{"package_id": "p1", "dropoff_verification": change}]}
+        answer = await gateway.http.patch(path, json=body, headers=gateway.customer)
+        assert answer.status_code == 200, answer.text
+        return answer.json()["packages"][0]["dropoff_proof"]
+
+    longer = await patch({"wait_s": 300})
+    signed = await patch({"method": "SIGNATURE"})
+
+    assert [each["pin"] for each in (longer, signed)] == ["4711", None]
+    assert signed["method"] == "SIGNATURE"
+    assert await patch(None) is None

@@ -1,4 +1,4 @@
-"""A host and a guest who both ask for proofs: each hears of its own packages only."""
+"""A host and a guest who both ask for proofs: each is notified of its own packages only."""
 
 from collections.abc import Mapping
 from datetime import timedelta
@@ -37,7 +37,7 @@ async def book_both(world: BusyWorld) -> MissionRecord:
 
 
 async def awaited(world: BusyWorld) -> Mapping[str, MissionReport]:
-    """The wait at b, as each delivery hears of it."""
+    """The wait at b, as it is reported to each delivery."""
     found: dict[str, MissionReport] = {}
     while len(found) < 2:
         await world.pass_time(timedelta(minutes=1))
@@ -48,7 +48,7 @@ async def awaited(world: BusyWorld) -> Mapping[str, MissionReport]:
     return found
 
 
-async def test_each_delivery_hears_of_its_own_wait_and_gives_its_own_proof(
+async def test_each_delivery_gets_its_own_wait_and_gives_its_own_proof(
     world: BusyWorld,
 ) -> None:
     world.recipients = "ABSENT"
