@@ -65,7 +65,31 @@ class Registry(Protocol):
         ...
 
 
-class Composition(Protocol):
+class DeliveryComposition(Protocol):
+    """Composition, as far as it is asked about deliveries that exist."""
+
+    async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
+        """Book the best plan; asked again for the same attempt, the answer is the same."""
+        ...
+
+    async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
+        """Refuse all further bookings of a delivery."""
+        ...
+
+    async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
+        """Leave packages at the pickup, or bring them back, as far as possible."""
+        ...
+
+    async def track(self, delivery_id: DeliveryId) -> Track:
+        """Where the delivery's drones have been, are and will be."""
+        ...
+
+    async def forget(self, asked: ForgetDeliveries) -> KeptDeliveries:
+        """Delete deliveries that ended long ago, except those that are still needed."""
+        ...
+
+
+class Composition(DeliveryComposition, Protocol):
     """Composition, as the gateway needs it."""
 
     async def must_accept(self, pickup: StationId) -> None:
@@ -86,26 +110,6 @@ class Composition(Protocol):
 
     async def release(self, hold_id: HoldId) -> None:
         """Give up what a hold keeps."""
-        ...
-
-    async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
-        """Book the best plan; asked again for the same attempt, the answer is the same."""
-        ...
-
-    async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
-        """Refuse all further bookings of a delivery."""
-        ...
-
-    async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
-        """Leave packages at the pickup, or bring them back, as far as possible."""
-        ...
-
-    async def track(self, delivery_id: DeliveryId) -> Track:
-        """Where the delivery's drones have been, are and will be."""
-        ...
-
-    async def forget(self, asked: ForgetDeliveries) -> KeptDeliveries:
-        """Delete deliveries that ended long ago, except those that are still needed."""
         ...
 
 
