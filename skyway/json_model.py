@@ -1,5 +1,6 @@
 """The base of all models with a JSON form: frozen, strict about types and fields; a cache."""
 
+from collections.abc import Mapping
 from typing import Any, ClassVar, Final, Generic, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
@@ -89,8 +90,19 @@ class JsonModel(BaseModel):
                 except InvalidInput as fault:
                     field = f"{name}.{fault.field}".rstrip(".")
                     raise InvalidInput(field, fault.detail) from fault
+        return self.checked({**dict(self), **given})
+
+    @classmethod
+    def checked(cls, values: Mapping[str, Any]) -> Self:
+        """The value with these members, of any JSON types.
+
+        Raises
+        ------
+        InvalidInput
+            They do not fit together; the error names the first fault.
+        """
         try:
-            return self.model_validate({**dict(self), **given})
+            return cls.model_validate(values)
         except ValidationError as error:
             first = error.errors()[0]
             field = ".".join(map(str, first["loc"]))

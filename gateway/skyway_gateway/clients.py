@@ -31,6 +31,7 @@ from skyway.contracts.mission import (
     Cancellation,
     CancelMissions,
     ClosedDelivery,
+    WithdrawMissions,
 )
 from skyway.contracts.quote import KeepOffer, KeptOffer, QuoteAnswer, QuoteQuery
 from skyway.contracts.shortlist import CandidateLists, Candidates
@@ -78,6 +79,10 @@ class DeliveryComposition(Protocol):
 
     async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
         """Leave packages at the pickup, or bring them back, as far as possible."""
+        ...
+
+    async def withdraw(self, delivery_id: DeliveryId, requested: WithdrawMissions) -> None:
+        """Give up the missions of a delivery whose request changes, if no drone has one."""
         ...
 
     async def track(self, delivery_id: DeliveryId) -> Track:
@@ -278,6 +283,11 @@ class RoutedComposition:
         return await server.call(
             "POST", path.format(delivery_id=delivery_id), body=requested, answer=Cancellation
         )
+
+    async def withdraw(self, delivery_id: DeliveryId, requested: WithdrawMissions) -> None:
+        """Give up the missions of a delivery whose request changes, if no drone has one."""
+        path = f"/internal/deliveries/{delivery_id}/withdrawals"
+        await (await self._server_of(delivery_id)).call("POST", path, body=requested)
 
     async def track(self, delivery_id: DeliveryId) -> Track:
         """Where the delivery's drones have been, are and will be."""

@@ -35,6 +35,7 @@ from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
 from skyway_gateway.deliveries.requests.change import Changer
+from skyway_gateway.deliveries.requests.plan_change import ChangePlanner
 from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
 from skyway_gateway.forward.table import TenantLimit
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
@@ -175,15 +176,18 @@ class Parts:
     @property
     def changers(self) -> ByMode[Changer]:
         """Changes deliveries."""
-        return self.backends.each(
-            lambda backend: Changer(
-                self.db,
-                self.checks(backend),
-                self.writer,
-                self.clock,
-                self.horizon,
-                self.personal_kept,
-            )
+        return self.backends.each(self._changer)
+
+    def _changer(self, backend: Backend) -> Changer:
+        return Changer(
+            self.db,
+            ChangePlanner(backend.places, self._quote_maker(backend)),
+            self.flown_by,
+            self.writer,
+            self.clock,
+            self.horizon,
+            self.personal_kept,
+            self.booking.queued,
         )
 
     @property
@@ -211,21 +215,22 @@ class Parts:
     @property
     def quote_makers(self) -> ByMode[QuoteMaker]:
         """Makes quotes."""
-        return self.backends.each(
-            lambda backend: QuoteMaker(
-                self.db,
-                backend.registry,
-                backend.composition,
-                self.checks(backend),
-                self.clock,
-                mint,
-                self.horizon,
-                self.hold_limits,
-                self.quoting,
-                backend.networks,
-                self.forecast,
-                backend.places,
-            )
+        return self.backends.each(self._quote_maker)
+
+    def _quote_maker(self, backend: Backend) -> QuoteMaker:
+        return QuoteMaker(
+            self.db,
+            backend.registry,
+            backend.composition,
+            self.checks(backend),
+            self.clock,
+            mint,
+            self.horizon,
+            self.hold_limits,
+            self.quoting,
+            backend.networks,
+            self.forecast,
+            backend.places,
         )
 
     @property

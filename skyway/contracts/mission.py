@@ -234,13 +234,17 @@ class BookMissions(WireModel):
 class Booking(WireModel):
     """BOOKED with its missions, BUSY (ask again later), INFEASIBLE (never), CLOSED (tombstone).
 
+    WITHDRAWN: the request has changed since this attempt, which is booked no more.
+
     A later attempt books the packages that the missions of BOOKED do not carry; with a price limit
     or an offer, all packages are booked or none.
     """
 
     outcome: Annotated[
-        Literal["BOOKED", "BUSY", "INFEASIBLE", "CLOSED"],
-        Field(description="BOOKED, BUSY (ask again later), INFEASIBLE (never) or CLOSED."),
+        Literal["BOOKED", "BUSY", "INFEASIBLE", "CLOSED", "WITHDRAWN"],
+        Field(
+            description="BOOKED, BUSY (ask again later), INFEASIBLE (never), CLOSED or WITHDRAWN."
+        ),
     ]
     missions: Annotated[
         tuple[Mission, ...], Field(description="The missions that were booked.")
@@ -261,6 +265,15 @@ class ClosedDelivery(WireModel):
     missions: Annotated[
         tuple[Mission, ...], Field(description="Missions that were booked before.")
     ] = ()
+
+
+class WithdrawMissions(WireModel):
+    """The body of POST /internal/deliveries/{delivery_id}/withdrawals: its request changes.
+
+    All missions are given up, or none. Attempts up to this one are not booked any more.
+    """
+
+    attempt: Annotated[int, Field(ge=1, description="The number of the last booking, from 1.")]
 
 
 class CancelMissions(WireModel):

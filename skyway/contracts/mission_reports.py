@@ -19,7 +19,7 @@ MANY_MISSION_REPORTS: Final = "/internal/mission-reports/many"
 
 
 #: Codes of REFUSED for a QUEUED mission: composition has given it up, its drone has not refused it.
-CALENDAR_CODES: Final = ("CALENDAR_CHANGED", "DRONE_NOT_FREE", "CANCELLED")
+CALENDAR_CODES: Final = ("CALENDAR_CHANGED", "DRONE_NOT_FREE", "CANCELLED", "CHANGED")
 
 
 class FreeFrom(WireModel):

@@ -46,6 +46,9 @@ BREAKS = {
         "UPDATE missions SET state = 'ACCEPTED', next_end_ms = 1"
     ],
     "a closed delivery has no mission that is not over": ["UPDATE deliveries SET closed_ms = 1"],
+    "a withdrawn attempt has no mission that is not over": [
+        "UPDATE deliveries SET withdrawn_attempt = 1"
+    ],
     "I7 an unanswered instruction follows the one before it": ["UPDATE instructions SET seq = 3"],
     "I6 a chain of custody has no gaps": ["UPDATE custody SET seq = 2"],
     "I6 a package is delivered once": [

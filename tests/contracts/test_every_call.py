@@ -118,9 +118,13 @@ def test_every_object_within_a_patch_is_merged_by_a_test_of_its_own() -> None:
     tariff = ("tariff", "tariff.payment_terms", "tariff.payment_terms.cancellation")
     step = "tariff.payment_terms.late.0"  # of a list, which is replaced whole
     people = ("recipient", "sender", "packages.0", "packages.0.recipient")
+    wishes = ("qos", "qos.providers", "qos.weights")
+    # A size has all its sides, and a place is another place: both are replaced whole.
+    place = ("packages.0.destination", "packages.0.alternative")
+    whole = ("packages.0.size_mm", *place, *(f"{each}.location" for each in place))
     assert objects == {
         *(("PATCH /v1/providers/{provider_id}", each) for each in (*tariff, step)),
-        *(("PATCH /v1/deliveries/{delivery_id}", each) for each in people),
+        *(("PATCH /v1/deliveries/{delivery_id}", each) for each in (*people, *wishes, *whole)),
     }
 
 

@@ -18,6 +18,7 @@ from skyway.contracts.mission import (
     Mission,
     OfferHold,
     PackageEta,
+    WithdrawMissions,
 )
 from skyway.contracts.quote import KeepOffer, KeptOffer, OfferTerms, QuoteAnswer, QuoteQuery
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
@@ -134,6 +135,8 @@ class FakeComposition:
     margins: Margins = field(default_factory=Margins)
     #: The price and the terms of every mission, by their names.
     priced: dict[str, object] = field(default_factory=dict)
+    #: The price of every offer, by its name.
+    offered: dict[str, object] = field(default_factory=dict)
     #: How many packages one trip carries; each trip uses another candidate.
     packages_per_trip: int = 100
     #: The pickup of first bookings, and how far it is from that of the request.
@@ -156,6 +159,9 @@ class FakeComposition:
     loaded: set[str] = field(default_factory=set)
     delivered: set[str] = field(default_factory=set)
     cancellations: list[CancelMissions] = field(default_factory=list)
+    #: The last attempts that were withdrawn, and deliveries that a drone flies already.
+    withdrawn: dict[str, int] = field(default_factory=dict)
+    has_left: set[str] = field(default_factory=set)
     tracks: dict[str, Track] = field(default_factory=dict)
     #: Deliveries that were deleted, and those that are still needed.
     forgotten: list[str] = field(default_factory=list)
@@ -196,7 +202,7 @@ class FakeComposition:
         return QuoteAnswer(
             offers=tuple(
                 make_terms(query.request, one, self.clock.now()).model_copy(
-                    update={"is_held": query.hold is not None}
+                    update={"is_held": query.hold is not None, **self.offered}
                 )
                 for one in query.candidates
             ),
@@ -223,6 +229,8 @@ class FakeComposition:
         if (delivery_id, requested.attempt) in self.booked:
             missions = self.trips_of(delivery_id, requested.attempt)
             return Booking(outcome="BOOKED", missions=missions)
+        if requested.attempt <= self.withdrawn.get(delivery_id, 0):
+            return Booking(outcome="WITHDRAWN")
         if delivery_id in self.closed:
             return Booking(outcome="CLOSED")
         if self.is_busy or not requested.candidates:
@@ -278,6 +286,17 @@ class FakeComposition:
             returning=tuple(sorted(asked & self.loaded)),
             too_late=tuple(sorted(asked & self.delivered)),
         )
+
+    async def withdraw(self, delivery_id: str, requested: WithdrawMissions) -> None:
+        """Every mission waits in its drone's calendar until its drone `has_left`."""
+        self._answer()
+        if delivery_id in self.has_left:
+            raise Conflict("TOO_LATE", "a drone has its mission already")
+        self.withdrawn[delivery_id] = requested.attempt
+        for (booked_id, attempt), mission in self.booked.items():
+            if booked_id == delivery_id:
+                given_up = mission.model_copy(update={"state": "REFUSED"})
+                self.booked[booked_id, attempt] = given_up
 
     async def track(self, delivery_id: str) -> Track:
         self._answer()

@@ -21,6 +21,7 @@ from skyway.contracts.forgotten_deliveries import FORGOTTEN_PATH, ForgetDeliveri
 from skyway.contracts.mission import (
     BookMissions,
     CancelMissions,
+    WithdrawMissions,
 )
 from skyway.contracts.quote import KeepOffer, QuoteQuery
 from skyway.contracts.shortlist import CandidateLists, Candidates, Shortlist
@@ -248,6 +249,12 @@ class Peers:
                 f"composition POST {delivery}/cancellations",
                 lambda request, delivery_id: composition.cancel(
                     delivery_id, CancelMissions.read(request.content)
+                ),
+            ),
+            (
+                f"composition POST {delivery}/withdrawals",
+                lambda request, delivery_id: composition.withdraw(
+                    delivery_id, WithdrawMissions.read(request.content)
                 ),
             ),
             (

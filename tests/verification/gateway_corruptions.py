@@ -163,6 +163,12 @@ _DELIVERIES: Final = (
         gateway="UPDATE deliveries SET offer = json_set(offer, '$.price.amount', 999999)"
         " WHERE delivery_id = :completed",
     ),
+    Corruption(
+        "the tariff of an offer that was made anew",
+        "a delivery of an accepted offer has its limits",
+        gateway="UPDATE deliveries SET offer = json_set(offer, '$.tariff.base', 1, '$.hold', NULL)"
+        " WHERE delivery_id = :completed",
+    ),
 )
 
 _PACKAGES: Final = (

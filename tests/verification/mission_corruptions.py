@@ -88,6 +88,11 @@ _MISSIONS: Final = (
         " WHERE mission_id = :flying_mission",
     ),
     Corruption(
+        "a withdrawn attempt that is still flown",
+        "a withdrawn attempt has no mission that is not over",
+        composition="UPDATE deliveries SET withdrawn_attempt = 9",
+    ),
+    Corruption(
         "a delivery closed while it flies",
         "a closed delivery has no mission that is not over",
         composition="UPDATE deliveries SET closed_ms = 1 WHERE delivery_id = :flying",

@@ -11,9 +11,10 @@ from pydantic import Field
 from skyway.announced_networks import CachedNetworks
 from skyway.contracts.candidate import CandidateQuery, ProviderReason, cargo_of
 from skyway.contracts.message import utc_text
+from skyway.contracts.mission import OfferLimits
 from skyway.contracts.quote import HoldTerms, OfferTerms, QuoteAnswer, QuoteQuery
 from skyway.delivery.offer import BestValues, OfferValues, Tariff, rank_offers
-from skyway.delivery.qos import Weights
+from skyway.delivery.qos import ProviderChoice, Weights
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import InvalidInput, SkywayError
 from skyway.geo import Position
@@ -66,7 +67,7 @@ class _Made:
 
 
 @dataclass(frozen=True, slots=True)
-class _Offers:
+class Offers:
     """The offers for one variant of a request, and why other providers make none."""
 
     offers: tuple[Offer, ...]
@@ -176,7 +177,7 @@ class QuoteMaker:
         hold = self._hold_terms(caller, requested)
         # Held offers of a variant that is not accepted would keep drones from others.
         variants = served.variants if hold is None else served.variants[:1]
-        found = [await self._offers(caller, each, hold) for each in variants]
+        found = [await self.offers(caller, each, hold=hold) for each in variants]
         offers = tuple(offer for each in found for offer in each.offers)
         if len(found) > 1:
             offers = ranked(offers, requested.qos.ranking, made_at=self.clock.now())
@@ -194,18 +195,34 @@ class QuoteMaker:
         is_held = hold is not None and any(each.is_held for each in found)
         return _Made(quote, hold.hold_id if hold is not None and is_held else None)
 
-    async def _offers(
-        self, caller: Caller, request: DeliveryRequest, hold: HoldTerms | None
-    ) -> _Offers:
-        """The offers for one variant of a request, planned in the caller's turn."""
+    async def offers(
+        self,
+        caller: Caller,
+        request: DeliveryRequest,
+        *,
+        hold: HoldTerms | None = None,
+        kept: OfferLimits | None = None,
+    ) -> Offers:
+        """The offers for one variant of a request, planned in the caller's turn.
+
+        With `kept`, an offer that was accepted before, only its provider is asked, and its tariff
+        counts. Errors are those of `make`.
+        """
         checked = await self.checks.check(request)
-        found = await self.registry.candidates(_candidate_query(request, checked.pickup_position))
+        query = _candidate_query(request, checked.pickup_position)
+        if kept is not None:
+            pinned = ProviderChoice(pinned=kept.provider_id)
+            query = query.model_copy(update={"providers": pinned})
+        found = await self.registry.candidates(query)
+        if kept is not None:
+            shortlist = found.shortlist.with_tariff(kept.provider_id, kept.tariff)
+            found = found.model_copy(update={"shortlist": shortlist})
         answer = QuoteAnswer(offers=(), infeasible=())
         if not found.shortlist.is_empty:
             waiting = request.begun_after_wait(self.clock.now())
-            query = QuoteQuery(request=waiting, shortlist=found.shortlist, hold=hold)
+            asked = QuoteQuery(request=waiting, shortlist=found.shortlist, hold=hold)
             async with self.planning.turn(str(caller)):
-                answer = await self.composition.quote(query)
+                answer = await self.composition.quote(asked)
         infeasible = (*answer.infeasible, *found.infeasible)
         if not answer.offers and not infeasible:
             infeasible = (NO_PROVIDER,)
@@ -222,7 +239,7 @@ class QuoteMaker:
             for terms in answer.offers
         )
         is_held = answer.held_until_at is not None
-        return _Offers(offers, infeasible, expires_wall_at, is_held=is_held)
+        return Offers(offers, infeasible, expires_wall_at, is_held=is_held)
 
     def _offer(
         self,

@@ -9,6 +9,7 @@ from skyway.contracts.mission import (
     Cancellation,
     CancelMissions,
     ClosedDelivery,
+    WithdrawMissions,
 )
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, is_live_id
@@ -36,6 +37,10 @@ class BothCompositions:
     async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
         """Leave packages at the pickup, or bring them back."""
         return await self._of(delivery_id).cancel(delivery_id, requested)
+
+    async def withdraw(self, delivery_id: DeliveryId, requested: WithdrawMissions) -> None:
+        """Give up the missions of a delivery whose request changes."""
+        await self._of(delivery_id).withdraw(delivery_id, requested)
 
     async def track(self, delivery_id: DeliveryId) -> Track:
         """Where the delivery's drones have been, are and will be."""

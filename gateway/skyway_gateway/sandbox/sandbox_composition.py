@@ -17,12 +17,14 @@ from skyway.contracts.mission import (
     ClosedDelivery,
     Mission,
     OfferHold,
+    WithdrawMissions,
 )
 from skyway.contracts.quote import KeepOffer, KeptOffer, QuoteAnswer, QuoteQuery
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, HoldId, MissionId, StationId
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import Conflict
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.sandbox import store
@@ -33,8 +35,10 @@ from skyway_gateway.sandbox.store import SandboxMission
 from skyway_gateway.sandbox.track import track_of
 from skyway_gateway.sandbox.trips import ranked_trips
 
-#: Wall time between two reports of a mission.
+#: Wall time between two reports of a mission, and before the first: until then the drone has not
+#: accepted the mission, and the request can still be changed.
 PACE: Final = timedelta(seconds=0.5)
+_ACCEPTED_AFTER: Final = timedelta(seconds=1.5)
 
 #: A delivery in these states gets no mission any more.
 _OVER: Final = ("COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED")
@@ -112,7 +116,7 @@ class SandboxComposition:
         mission_id = MissionId(self.mint("msn_test"))
         mission = trips[0][1].mission(delivery_id, mission_id, attempt=requested.attempt)
         booked = SandboxMission(mission, script_of(mission, outcome), played=0)
-        await store.add(tx, booked, next_at=self.clock.wall_now() + PACE)
+        await store.add(tx, booked, next_at=self.clock.wall_now() + _ACCEPTED_AFTER)
         return Booking(outcome="BOOKED", missions=(mission,))
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
@@ -148,6 +152,25 @@ class SandboxComposition:
             returning=(*done.returning, *more.returning),
             too_late=(*done.too_late, *more.too_late),
         )
+
+    async def withdraw(self, delivery_id: DeliveryId, requested: WithdrawMissions) -> None:
+        """Give up a mission that its drone has not accepted; a repeated call changes nothing.
+
+        Raises
+        ------
+        Conflict
+            TOO_LATE: the drone has accepted the mission.
+        """
+        async with self.db.write() as tx:
+            for each in await store.of_delivery(tx.connection, delivery_id):
+                now = await store.locked(tx, each.mission.mission_id)
+                if now is None or now.reports[-1].kind == "REFUSED":
+                    continue
+                if now.played:
+                    detail = "a drone has its mission already: cancel the delivery"
+                    raise Conflict("TOO_LATE", f"{detail}, and request another one")
+                withdrawn = SandboxMission(now.mission, script_of(now.mission, "changed"), 0)
+                await store.save(tx, withdrawn, next_at=self.clock.wall_now())
 
     async def track(self, delivery_id: DeliveryId) -> Track:
         """Where the delivery's drones are, as far as their reports have been played."""

@@ -6,7 +6,7 @@ usually lie ahead of fleet time.
 
 from collections.abc import Collection, Iterator, Sequence
 from datetime import datetime, timedelta
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from skyway.contracts.mission import Cancellation, Mission, MissionState, PackageEta
 from skyway.contracts.mission_reports import MissionReport
@@ -18,11 +18,15 @@ from skyway_gateway.sandbox.outcomes import OutcomeName
 #: How late the packages of a late delivery are, fleet time.
 LATE_BY: Final = timedelta(hours=1)
 
+#: What a mission comes to: the outcome of its delivery, or the customer changes the request.
+Ending = OutcomeName | Literal["changed"]
+
 _ABSENT: Final = ("RECIPIENT_ABSENT", "nobody was at the destination")
 #: How a mission ends that never leaves the pickup: kind, state, code and detail of its last report.
-_EARLY_ENDS: Final[dict[OutcomeName, tuple[str, MissionState, str, str]]] = {
+_EARLY_ENDS: Final[dict[Ending, tuple[str, MissionState, str, str]]] = {
     "refused": ("REFUSED", "REFUSED", "LOW_CHARGE", "the battery is not charged enough"),
     "withdrawn": ("REFUSED", "REFUSED", "DRONE_NOT_FREE", "the provider has withdrawn its drones"),
+    "changed": ("REFUSED", "REFUSED", "CHANGED", "the customer has changed the request"),
     "weather": ("ENDED", "CANCELLED", "WEATHER_AHEAD", "the wind is too strong for the drone"),
 }
 
@@ -30,7 +34,7 @@ _EARLY_ENDS: Final[dict[OutcomeName, tuple[str, MissionState, str, str]]] = {
 _Members = dict[str, Any]
 
 
-def script_of(mission: Mission, outcome: OutcomeName) -> tuple[MissionReport, ...]:
+def script_of(mission: Mission, outcome: Ending) -> tuple[MissionReport, ...]:
     """The reports of a mission in their order."""
     members = tuple(_members(mission, outcome))
     return tuple(_report(mission, number, each) for number, each in enumerate(members, start=1))
@@ -53,9 +57,9 @@ def _report(mission: Mission, seq: int, members: _Members) -> MissionReport:
     )
 
 
-def _members(mission: Mission, outcome: OutcomeName) -> Iterator[_Members]:
+def _members(mission: Mission, outcome: Ending) -> Iterator[_Members]:
     is_first = mission.attempt == 1
-    early = _EARLY_ENDS.get(outcome) if is_first or outcome == "weather" else None
+    early = _EARLY_ENDS.get(outcome) if is_first or outcome in ("weather", "changed") else None
     if early is None or early[0] == "ENDED":
         yield {"kind": "ACCEPTED", "at": mission.start_at, "mission_state": "ACCEPTED"}
     if early is not None:
@@ -71,7 +75,7 @@ def _members(mission: Mission, outcome: OutcomeName) -> Iterator[_Members]:
     yield from _hand_overs(mission, outcome, loaded_at)
 
 
-def _hand_overs(mission: Mission, outcome: OutcomeName, loaded_at: datetime) -> Iterator[_Members]:
+def _hand_overs(mission: Mission, outcome: Ending, loaded_at: datetime) -> Iterator[_Members]:
     package_ids = tuple(each.package_id for each in mission.packages)
     if outcome == "stranded":
         detail = "the drone had to land on the way"

@@ -31,6 +31,8 @@ deliveries = Table(
     metadata,
     Column("delivery_id", Text, primary_key=True),
     Column("closed_ms", BigInteger),
+    # The last attempt whose request has changed since: nothing is booked for it any more.
+    Column("withdrawn_attempt", Integer, nullable=False, server_default="0"),
 )
 
 missions = Table(

@@ -224,6 +224,14 @@ MISSIONS: Final = (
         "/v1/missions/{id}/commands with CANCEL.",
     ),
     Rule(
+        "a withdrawn attempt has no mission that is not over",
+        select(missions.c.mission_id)
+        .join(deliveries, deliveries.c.delivery_id == missions.c.delivery_id)
+        .where(missions.c.attempt <= deliveries.c.withdrawn_attempt, is_open),
+        "The customer has changed the request since: nobody wants this mission. Cancel "
+        "it: POST /v1/missions/{id}/commands with CANCEL.",
+    ),
+    Rule(
         "a mission that a drone has begun was accepted",
         select(missions.c.mission_id).where(
             missions.c.state.in_(("QUEUED", "BOOKED", "REFUSED")),

@@ -310,13 +310,16 @@ def _has_other_limits(row: Any) -> bool:  # a row of _ACCEPTED
     if row.offer is None or not accepted:
         return True
     limits, [offer] = json.loads(row.offer), accepted
-    promised = (limits["provider_id"], limits["price"], limits["within_s"], limits.get("tariff"))
-    return promised != (
-        offer["provider_id"],
+    if (limits["provider_id"], limits["tariff"]) != (offer["provider_id"], offer["tariff"]):
+        return True
+    # The customer has changed the request since: the offer was made anew, and is not held.
+    if limits.get("hold") is None:
+        return False
+    promised: bool = (limits["price"], limits["within_s"]) == (
         offer["price"],
         offer["delivery_time_s"],
-        offer.get("tariff"),
     )
+    return not promised
 
 
 #: Reasons whose cause always comes after the acceptance: a drone refused, the deadline passed, or
@@ -370,6 +373,7 @@ OFFERS: Final = (
         "a delivery of an accepted offer has its limits",
         rows_where(_ACCEPTED, _has_other_limits, "delivery_id"),
         "The customer was promised the price and the time of the quote's accepted offer "
-        "(`quotes.offers`); `deliveries.offer` must say the same. Correct what was changed.",
+        "(`quotes.offers`), or only its tariff if the request has changed since. "
+        "`deliveries.offer` must say the same. Correct what was changed.",
     ),
 )

@@ -79,6 +79,28 @@ async def test_changing_people_leaves_the_places(gateway_on_both: Gateway) -> No
     assert (await gateway.get(delivery_id))["places"] == places
 
 
+async def test_a_place_goes_when_the_package_goes_elsewhere(gateway_on_both: Gateway) -> None:
+    gateway = gateway_on_both
+    delivery_id = (await gateway.post(request_body())).json()["delivery_id"]
+    elsewhere = location(east_m=6_000.0)
+
+    async def change(**package: Any) -> Any:
+        body = {"packages": [{"package_id": "p1", **package}]}
+        path = f"/v1/deliveries/{delivery_id}"
+        answer = await gateway.http.patch(path, json=body, headers=gateway.customer)
+        assert answer.status_code == 200, answer.text
+        return answer.json()
+
+    moved = await change(destination=elsewhere)
+    named = await change(destination={"station_id": "mcqueeney"})
+
+    pickup, end = moved["places"]
+    assert (pickup["fields"], end["fields"]) == (["pickup"], ["packages.0.destination"])
+    assert end["requested"]["location"] == elsewhere["location"]
+    assert moved["packages"][0]["destination"] == {"station_id": end["served_by"]["station_id"]}
+    assert [each["fields"] for each in named["places"]] == [["pickup"]]
+
+
 async def test_erasing_personal_data_erases_places_also_those_of_the_quote(
     gateway_on_both: Gateway,
 ) -> None:

@@ -71,7 +71,7 @@ async def test_a_reference_of_no_outcome_is_refused(gateway: Gateway) -> None:
     assert "test_late" in answers[0].text
 
 
-@pytest.mark.parametrize("steps", range(8))
+@pytest.mark.parametrize("steps", range(10))
 async def test_a_cancellation_at_any_moment_settles_the_package(
     gateway: Gateway, steps: int
 ) -> None:
@@ -87,6 +87,24 @@ async def test_a_cancellation_at_any_moment_settles_the_package(
     assert found["state"] == ends[answer.status_code]
 
 
+@pytest.mark.parametrize(("steps", "status"), [(1, 200), (4, 409)])
+async def test_a_booked_delivery_goes_elsewhere_until_a_drone_has_it(
+    gateway: Gateway, steps: int, status: int
+) -> None:
+    headers = await sandbox_caller(gateway)
+    delivery_id = await accepted(gateway, headers, sandbox_request())
+    for _ in range(steps):
+        await step(gateway)
+
+    change = {"packages": [{"package_id": "p1", "destination": {"station_id": "clinic"}}]}
+    answer = await gateway.http.patch(f"/v1/deliveries/{delivery_id}", json=change, headers=headers)
+    found = await played(gateway, headers, delivery_id)
+
+    assert answer.status_code == status, answer.text
+    ends = {200: "clinic", 409: "library"}
+    assert found["packages"][0]["custodian"] == {"kind": "RECIPIENT", "id": ends[status]}
+
+
 async def test_one_of_two_packages_is_cancelled_and_the_other_delivered(gateway: Gateway) -> None:
     headers = await sandbox_caller(gateway)
     body = sandbox_request()
@@ -94,7 +112,7 @@ async def test_one_of_two_packages_is_cancelled_and_the_other_delivered(gateway:
         {"package_id": "p2", "mass_kg": 1.0, "destination": {"station_id": "clinic"}}
     )
     delivery_id = await accepted(gateway, headers, body)
-    for _ in range(4):
+    for _ in range(6):
         await step(gateway)
 
     await gateway.http.post(
@@ -116,6 +134,7 @@ async def test_a_kill_before_a_report_is_applied_loses_nothing(gateway: Gateway)
     async def killed(_report: MissionReport) -> None:
         raise asyncio.CancelledError
 
+    gateway.clock.advance(timedelta(seconds=1))
     for _ in range(3):
         gateway.clock.advance(timedelta(seconds=0.5))
         with pytest.raises(asyncio.CancelledError):
@@ -131,7 +150,7 @@ async def test_two_replicas_play_each_report_once(gateway_on_both: Gateway) -> N
     while await gateway.book_next():
         pass
 
-    for _ in range(12):
+    for _ in range(14):
         gateway.clock.advance(timedelta(seconds=0.5))
         await asyncio.gather(gateway.parts.player.step(), gateway.parts.player.step())
 

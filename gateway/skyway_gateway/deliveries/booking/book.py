@@ -53,7 +53,7 @@ from skyway_gateway.deliveries.lifecycle.booking_effects import (
     give_up_again_at,
 )
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
-from skyway_gateway.deliveries.lifecycle.progress import Progress
+from skyway_gateway.deliveries.lifecycle.progress import Progress, changed
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.delivery_rows import Outdated, QueuedDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
@@ -196,6 +196,8 @@ class Booker:
             if delivery.offer is not None and delivery.offer.hold is not None:
                 # The other offers of its quote are held no longer.
                 self.waker.note_change(queued.network_id)
+        elif booking.outcome == "WITHDRAWN":  # a change of its request did not come to its end
+            await self._begin_next_attempt(delivery)
         elif booking.outcome == "CLOSED":  # an earlier round gave it up, and died
             await self._give_up(queued, delivery.reasons, detail="no provider can fly it")
         elif infeasible := why_infeasible(delivery.offer, booking, candidates):
@@ -204,6 +206,13 @@ class Booker:
             await self._give_up_late(queued, reasons_of_round(booking, candidates))
         else:
             await self._wait(queued, reasons_of_round(booking, candidates))
+
+    async def _begin_next_attempt(self, delivery: Delivery) -> None:
+        def next_attempt(now: Delivery) -> Progress | None:
+            is_same = now.attempt == delivery.attempt and now.is_queued
+            return Progress(changed(now, attempt=now.attempt + 1)) if is_same else None
+
+        await self.writer.write(delivery.delivery_id, change=next_attempt)
 
     async def _line_up(self, queued: QueuedDelivery) -> None:
         """Let a new request wait until those that wait already have been tried again.

@@ -74,8 +74,9 @@ ON_BOARD_STATES: Final[frozenset[PackageState]] = frozenset({"LOADED", "IN_TRANS
 _NEXT: Final[Mapping[DeliveryState, frozenset[DeliveryState]]] = {
     # A delivery is SCHEDULED while its pickup lies beyond the booking horizon.
     "SCHEDULED": frozenset({"REQUESTED", "CANCELLED", "FAILED"}),
-    "REQUESTED": frozenset({"PLANNED", "REJECTED", "CANCELLED", "FAILED"}),
-    "PLANNED": _ENDS | {"REQUESTED", "DISPATCHED", "LOADING", "IN_PROGRESS"},
+    # It is SCHEDULED again if its customer postpones it.
+    "REQUESTED": frozenset({"SCHEDULED", "PLANNED", "REJECTED", "CANCELLED", "FAILED"}),
+    "PLANNED": _ENDS | {"SCHEDULED", "REQUESTED", "DISPATCHED", "LOADING", "IN_PROGRESS"},
     # A delivery goes back when a drone refuses the mission that was furthest along.
     "DISPATCHED": _ENDS | {"REQUESTED", "PLANNED", "LOADING", "IN_PROGRESS"},
     "LOADING": _ENDS | {"IN_PROGRESS"},

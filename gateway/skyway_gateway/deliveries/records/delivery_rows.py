@@ -145,23 +145,24 @@ def new_delivery(queued: QueuedDelivery) -> Values:
         "pickup_position": _POSITION.dump_json(queued.pickup_position).decode(),
         "created_ms": moment_to_ms(delivery.created_at),
         "give_up_ms": moment_to_ms(queued.give_up_at),
-        "offer": delivery.offer and delivery.offer.model_dump_json(),
         "traceparent": queued.traceparent,
         "has_idempotency_key": queued.has_idempotency_key,
         "next_try_wall_ms": 0,
         "network_id": queued.network_id,
-        "queue_rank": PRIORITY_RANKS[delivery.request.qos.priority],
         "woken_wall_ms": queued.woken_wall_ms,
-        **request_values(delivery.request),
+        **request_values(delivery),
         **changing(queued.stored),
     }
 
 
-def request_values(request: DeliveryRequest) -> Values:
-    """The columns of a request that change with its times."""
+def request_values(delivery: Delivery) -> Values:
+    """The columns that change with its request."""
+    request = delivery.request
     return {
         "request": request.model_dump_json(),
+        "offer": delivery.offer and delivery.offer.model_dump_json(),
         "earliest_pickup_ms": _ms(request.first_hand_over_at),
+        "queue_rank": PRIORITY_RANKS[request.qos.priority],
     }
 
 
@@ -244,8 +245,6 @@ def new_packages(delivery: Delivery) -> list[Values]:
             "delivery_id": delivery.delivery_id,
             "package_id": package.package_id,
             "number": number,
-            "destination_station_id": package.destination.station_id,
-            "mass_kg": package.mass_kg,
             "custody_seq": 1,
             **package_values(package),
         }
@@ -256,6 +255,8 @@ def new_packages(delivery: Delivery) -> list[Values]:
 def package_values(package: PackageStatus) -> Values:
     """The columns of a package that change during its life."""
     return {
+        "destination_station_id": package.destination.station_id,
+        "mass_kg": package.mass_kg,
         "state": package.state,
         "custodian_kind": package.custodian.kind,
         "custodian_id": package.custodian.id,

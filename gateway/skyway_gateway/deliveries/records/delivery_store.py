@@ -282,7 +282,7 @@ def save(
         # What has to be booked has changed: look at it immediately.
         values |= {"next_try_wall_ms": 0, "waits_since_ms": None, "asked_wall_ms": None, **FREE}
     if new.request is not old.request:
-        values |= request_values(new.request)
+        values |= request_values(new)
     if give_up_at is not None:
         values["give_up_ms"] = moment_to_ms(give_up_at)
     expected = {

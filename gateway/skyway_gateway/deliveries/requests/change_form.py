@@ -6,24 +6,48 @@ from typing import Annotated, Any, Final
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from skyway.bounds import Moment
-from skyway.delivery.request import MAX_PACKAGES, DeliveryRequest, Package
-from skyway_gateway.personal_data.changes import PackageChange, PersonalDataChange
-
-#: The times of a request and of a package, which are changed while nothing is booked.
-_TIMES: Final = ("earliest_pickup_at", "latest_pickup_at")
-_TIMES_OF_PACKAGE: Final = ("not_before_at", "latest_at")
-
-#: What else decides how a delivery is flown: other values are another request.
-_FIXED: Final = frozenset(DeliveryRequest.model_fields.keys() - {*_TIMES, "packages", "reference"})
-_FIXED_OF_PACKAGE: Final = frozenset(
-    Package.model_fields.keys() - {*_TIMES_OF_PACKAGE, "package_id"}
+from skyway.bounds import Moment, NotNull
+from skyway.delivery.qos import QoS
+from skyway.delivery.request import (
+    MAX_PACKAGE_MASS_KG,
+    MAX_PACKAGES,
+    DeliveryRequest,
+    Package,
 )
+from skyway.drone.cargo import DangerousClass, Handling, SizeMm
+from skyway.errors import InvalidInput
+from skyway_gateway.personal_data.changes import PackageChange, PersonalDataChange
+from skyway_gateway.places.customer_request import CustomerPlace, CustomerRequest
 
 
 class ChangedPackage(PackageChange):
     """Changes of one package."""
 
+    mass_kg: Annotated[
+        Annotated[float, Field(ge=0, le=MAX_PACKAGE_MASS_KG)] | None,
+        NotNull,
+        Field(description="Mass in kilograms, 0 to 1000."),
+    ] = None
+    size_mm: Annotated[
+        SizeMm | None,
+        Field(description="Outer size in whole millimetres; null: any cargo box is large enough."),
+    ] = None
+    handling: Annotated[
+        Annotated[tuple[Handling, ...], Field(max_length=4)] | None,
+        NotNull,
+        Field(description="What its drone must be able to do."),
+    ] = None
+    dangerous_class: Annotated[
+        DangerousClass | None,
+        Field(description="The UN class of dangerous goods; with DANGEROUS only."),
+    ] = None
+    destination: Annotated[
+        CustomerPlace | None, NotNull, Field(description="Where it is handed over.")
+    ] = None
+    alternative: Annotated[
+        CustomerPlace | None,
+        Field(description="Where it goes if nobody is at the destination; null: to the pickup."),
+    ] = None
     not_before_at: Annotated[
         Moment | None,
         Field(description="The hand-over does not begin before; null removes the limit."),
@@ -36,12 +60,18 @@ class ChangedPackage(PackageChange):
 class DeliveryChange(PersonalDataChange):
     """What is to be changed: a member that is left out stays, and null removes it.
 
-    Times are changed while the delivery is SCHEDULED, everything else until the hand-over.
+    What decides how it is flown (times, `qos`, and destinations, masses, sizes and windows of
+    packages) is changed until a drone is sent. Everything else is changed until the hand-over.
     """
 
     reference: Annotated[
         Annotated[str, Field(max_length=200)] | None,
         Field(description="The customer's own word for it, up to 200 characters; null removes it."),
+    ] = None
+    qos: Annotated[
+        QoS | None,
+        NotNull,
+        Field(description="The members of `qos` to change; those that are left out stay."),
     ] = None
     earliest_pickup_at: Annotated[
         Moment | None,
@@ -56,36 +86,63 @@ class DeliveryChange(PersonalDataChange):
     ] = ()
     dry_run: Annotated[
         bool,
-        Field(description="Whether only to show the delivery as it would be after the change."),
+        Field(
+            description="Whether only to show the delivery as it would be after the change, with "
+            "the price if it is to be flown in another way."
+        ),
     ] = False
 
     @model_validator(mode="before")
     @classmethod
-    def _asks_for_the_same(cls, given: Any) -> Any:  # any JSON value
-        if isinstance(given, Mapping) and (names := [*_fixed_names(given)]):
+    def _leaves_the_pickup(cls, given: Any) -> Any:  # any JSON value
+        if isinstance(given, Mapping) and "pickup" in given:
             raise PydanticCustomError(
-                "fixed",
-                "cannot change {names}: cancel the delivery, and request another one",
-                {"names": ", ".join(names[:5])},
+                "fixed", "cannot change pickup: cancel the delivery, and request another one"
             )
         return given
 
-    def request_after(self, before: DeliveryRequest) -> DeliveryRequest:
-        """The request with the changed times; the same object if none is changed."""
-        changes = {each.package_id: _given(each, _TIMES_OF_PACKAGE) for each in self.packages}
-        packages = tuple(
-            each.model_copy(update=changes.get(each.package_id, {})) for each in before.packages
+    def asked_after(self, before: DeliveryRequest) -> CustomerRequest | None:
+        """The request after the change, in the customer's form; None if it stays.
+
+        Raises
+        ------
+        InvalidInput
+            Members that are changed do not fit those that stay.
+        """
+        given = _given(self, _OF_REQUEST)
+        by_id = {each.package_id: _given(each, _OF_PACKAGE) for each in self.packages}
+        if not (given or any(by_id.values())):
+            return None
+        if self.qos is not None:
+            given["qos"] = before.qos.merged(self.qos)
+        packages = [_asked(each) | by_id.get(each.package_id, {}) for each in before.packages]
+        pickup = CustomerPlace(station_id=before.pickup.station_id)
+        return CustomerRequest.checked(
+            {**dict(before), **given, "pickup": pickup, "packages": packages}
         )
-        update = {**_given(self, _TIMES), "packages": packages}
-        after = before.model_copy(update=update)
-        return before if after == before else after
+
+    def in_own_words(self, fault: InvalidInput, before: DeliveryRequest) -> InvalidInput:
+        """The fault of the changed request, with the field as this change counts packages."""
+        start, _, rest = fault.field.partition(".")
+        number, _, name = rest.partition(".")
+        if start != "packages" or not number.isdigit():
+            return fault
+        package_id = before.packages[int(number)].package_id
+        own = [index for index, each in enumerate(self.packages) if each.package_id == package_id]
+        field = f"packages.{own[0]}.{name}" if own else f"packages of {package_id}: {name}"
+        return InvalidInput(field.rstrip("."), fault.detail)
 
 
-def changed_times(before: DeliveryRequest, after: DeliveryRequest) -> Iterator[str]:
-    """The names of the times that differ, such as `packages.p1.latest_at`."""
-    yield from (name for name in _TIMES if getattr(before, name) != getattr(after, name))
+#: The members of a change that decide how a delivery is flown, and the same of its packages.
+_OF_REQUEST: Final = ("qos", "earliest_pickup_at", "latest_pickup_at")
+_OF_PACKAGE: Final = tuple(ChangedPackage.model_fields.keys() - PackageChange.model_fields.keys())
+
+
+def changed_members(before: DeliveryRequest, after: DeliveryRequest) -> Iterator[str]:
+    """The names of the members that differ, such as `qos` and `packages.p1.latest_at`."""
+    yield from (name for name in _OF_REQUEST if getattr(before, name) != getattr(after, name))
     for old, new in zip(before.packages, after.packages, strict=True):
-        for name in _TIMES_OF_PACKAGE:
+        for name in sorted(_OF_PACKAGE):
             if getattr(old, name) != getattr(new, name):
                 yield f"packages.{old.package_id}.{name}"
 
@@ -94,10 +151,10 @@ def _given(form: DeliveryChange | ChangedPackage, names: tuple[str, ...]) -> dic
     return {name: getattr(form, name) for name in names if name in form.model_fields_set}
 
 
-def _fixed_names(given: Mapping[str, Any]) -> Iterator[str]:
-    yield from sorted(_FIXED & given.keys())
-    packages = given.get("packages")
-    for number, each in enumerate(packages if isinstance(packages, list) else ()):
-        if isinstance(each, Mapping):
-            names = sorted(_FIXED_OF_PACKAGE & each.keys())
-            yield from (f"packages.{number}.{name}" for name in names)
+def _asked(package: Package) -> dict[str, object]:
+    """A package with its stations as places."""
+    other: CustomerPlace | None = None
+    if package.alternative is not None:
+        other = CustomerPlace(station_id=package.alternative.station_id)
+    destination = CustomerPlace(station_id=package.destination.station_id)
+    return {**dict(package), "destination": destination, "alternative": other}

@@ -135,14 +135,16 @@ def delivery_routes(
 
 def _add_changes(router: ServiceRouter, changers: ByMode[Changer]) -> None:
     @router.patch(
-        "/v1/deliveries/{delivery_id}", responses=conflicts("CHANGED_MEANWHILE", "TOO_LATE")
+        "/v1/deliveries/{delivery_id}",
+        responses=conflicts("CHANGED_MEANWHILE", "NO_OFFER", "SHARED_TRIP", "TOO_LATE"),
     )
     async def change_delivery(
         delivery_id: DeliveryId, caller: KeyCaller, wanted: Annotated[DeliveryChange, Body()]
     ) -> ShownDelivery:
         """Change people, instructions, metadata or reference until the hand-over.
 
-        Times are changed while the delivery is SCHEDULED.
+        Times, `qos`, destinations and packages are changed until a drone is sent: it is booked
+        anew, in its place in the queue, and by the tariff of its accepted offer.
 
         Callers: customer, operator.
         """

@@ -96,7 +96,7 @@ class Bookings:
         Missions that have ended count too: their packages may be with the recipients already.
         """
         async with self.context.db.write() as tx:
-            if not await lock_delivery(tx, delivery_id):
+            if not (await lock_delivery(tx, delivery_id)).is_closed:
                 missions = await store.missions_not_refused(tx.connection, delivery_id)
                 if missions:
                     return ClosedDelivery(is_closed=False, missions=missions)

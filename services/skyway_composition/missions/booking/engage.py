@@ -188,13 +188,16 @@ async def claim_delivery(
 ) -> Booking | None:
     """Lock a delivery that has a row, or add it when the transaction ends.
 
-    Returns the answer if the delivery is closed, or this attempt was booked before.
+    Returns the answer if the delivery is closed, or this attempt was booked or withdrawn before.
     """
     if not exists:
         # If another request books or closes it first, the database refuses this row.
         store.add_delivery(tx, delivery_id)
         return None
-    if await store.lock_delivery(tx, delivery_id):
+    delivery = await store.lock_delivery(tx, delivery_id)
+    if delivery.is_closed:
         return Booking(outcome="CLOSED")
+    if attempt <= delivery.withdrawn_attempt:
+        return Booking(outcome="WITHDRAWN")
     booked = await missions_of(tx.connection, delivery_id, attempt=attempt)
     return Booking(outcome="BOOKED", missions=booked) if booked else None

@@ -12,14 +12,13 @@ from skyway.runtime.errors import RowRefused
 from skyway.runtime.sql.database import Tx
 from skyway.units import NEVER_MS
 from skyway_composition.calendar.attempts import Change, Lost, carry_out
-from skyway_composition.calendar.commit import WorldChanged
 from skyway_composition.context import Context
 from skyway_composition.missions.interventions.stop_packages import release_queued, stop_packages
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import has_never_left, held_packages
-from skyway_composition.missions.mission.share_views import flying_ids, own_ids, serves
-from skyway_composition.missions.mission.store import lock_delivery, queued_of_delivery
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.mission.share_views import flying_ids, own_ids
+from skyway_composition.missions.mission.store import lock_delivery
+from skyway_composition.missions.mission.unit_of_work import lock_missions
 
 #: The code in reports about packages that a customer has cancelled.
 CANCELLED = "CANCELLED"
@@ -74,22 +73,7 @@ class _Stop:
     async def _stop(
         self, tx: Tx, delivery_id: DeliveryId, requested: CancelMissions
     ) -> Cancellation:
-        drone_ids = await store.drones_serving(tx.connection, delivery_id)
-        waiting = await queued_of_delivery(tx.connection, delivery_id)
-        locked = {*drone_ids, *(each.drone_id for each in waiting)}
-        work = await MissionUnitOfWork.lock(self.context, tx, locked)
-        # Read again: a mission may have been sent before its drone was locked.
-        drone_ids = await store.drones_serving(tx.connection, delivery_id)
-        queued = await queued_of_delivery(tx.connection, delivery_id)
-        if not locked.issuperset([*drone_ids, *(each.drone_id for each in queued)]):
-            # Locking the other drone now could meet a transaction that locks both in order.
-            raise WorldChanged(locked)
-        records = [
-            work.missions[each]
-            for each in drone_ids
-            # The drone may have got a mission for another delivery since it was found.
-            if each in work.missions and serves(work.missions[each], delivery_id)
-        ]
+        work, records, queued = await lock_missions(self.context, tx, delivery_id)
         held = await held_packages(tx.connection, delivery_id)
         under_way = {
             package_id

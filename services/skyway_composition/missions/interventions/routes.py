@@ -7,7 +7,7 @@ from fastapi.responses import JSONResponse
 from pydantic import Field
 
 from skyway.contracts.flight_step import PackageOnBoard
-from skyway.contracts.mission import Cancellation, CancelMissions
+from skyway.contracts.mission import Cancellation, CancelMissions, WithdrawMissions
 from skyway.delivery.request import MAX_PACKAGE_MASS_KG, MAX_PACKAGES
 from skyway.ids import DeliveryId, MissionId, PackageId, ProviderId
 from skyway.json_model import JsonModel, QueryModel
@@ -28,6 +28,7 @@ from skyway_composition.missions.interventions.give_command import (
     give_command,
     preview_command,
 )
+from skyway_composition.missions.interventions.withdraw import withdraw_missions
 from skyway_composition.missions.replanning.foresee import Foresight
 
 
@@ -138,5 +139,19 @@ def intervention_routes(
         """Cancel packages; loaded packages come back, and a repeated call gets the same answer."""
         caller.must_be_service("gateway")
         return await cancel_packages(context, delivery_id, requested)
+
+    @router.post(
+        "/internal/deliveries/{delivery_id}/withdrawals",
+        status_code=204,
+        responses=conflicts("SHARED_TRIP", "TOO_LATE"),
+    )
+    async def withdraw(
+        delivery_id: DeliveryId,
+        caller: Annotated[Caller, Depends(gate)],
+        requested: Annotated[WithdrawMissions, Depends(internal_body(WithdrawMissions))],
+    ) -> None:
+        """Give up missions that no drone has yet, because the customer changes the request."""
+        caller.must_be_service("gateway")
+        await withdraw_missions(context, delivery_id, requested)
 
     return router

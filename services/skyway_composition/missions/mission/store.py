@@ -68,7 +68,7 @@ _SAVE: Final = (
 # A weaker lock than that of a deletion: a transaction that has locked a drone may still save its
 # missions, which name their delivery. With the stronger lock the two would wait for each other.
 _LOCK: Final = (
-    select(deliveries.c.closed_ms)
+    select(deliveries.c.closed_ms, deliveries.c.withdrawn_attempt)
     .where(deliveries.c.delivery_id == bindparam("of_delivery"))
     .with_for_update(key_share=True)
 )
@@ -86,6 +86,14 @@ def is_of_delivery(delivery_id: str) -> ColumnElement[bool]:
             select(guests.c.host_id).where(guests.c.delivery_id == delivery_id),
         )
     )
+
+
+@dataclass(frozen=True, slots=True)
+class LockedDelivery:
+    """Whether nothing is booked for a delivery any more, and up to which attempt."""
+
+    is_closed: bool
+    withdrawn_attempt: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,8 +209,8 @@ async def live_drones(connection: AsyncConnection) -> list[DroneId]:
     return list(found.scalars())
 
 
-async def lock_delivery(tx: Tx, delivery_id: DeliveryId) -> bool:
-    """Whether the delivery is closed; its row is added if missing, and locked.
+async def lock_delivery(tx: Tx, delivery_id: DeliveryId) -> LockedDelivery:
+    """The delivery, locked; its row is added if missing.
 
     Other transactions that lock the same delivery wait for this one.
     """
@@ -212,7 +220,7 @@ async def lock_delivery(tx: Tx, delivery_id: DeliveryId) -> bool:
         added = tx.insert(deliveries).on_conflict_do_nothing()
         await tx.execute(added, {"delivery_id": delivery_id})
         found = (await tx.execute(_LOCK, values)).one()
-    return found.closed_ms is not None
+    return LockedDelivery(found.closed_ms is not None, found.withdrawn_attempt)
 
 
 def add_delivery(tx: Tx, delivery_id: DeliveryId) -> None:
@@ -228,6 +236,12 @@ async def close_delivery(tx: Tx, delivery_id: DeliveryId, now_ms: int) -> None:
     await tx.execute(
         update(deliveries).where(deliveries.c.delivery_id == delivery_id).values(closed_ms=now_ms)
     )
+
+
+async def withdraw_attempts(tx: Tx, delivery_id: DeliveryId, *, until: int) -> None:
+    """Book no attempt up to this one any more."""
+    this = deliveries.c.delivery_id == delivery_id
+    await tx.execute(update(deliveries).where(this).values(withdrawn_attempt=until))
 
 
 async def queued_of_drone(connection: AsyncConnection, drone_id: DroneId) -> list[MissionRecord]:

@@ -11,7 +11,7 @@ from typing import Any, Final, Self
 from skyway.contracts.drone_report import AlarmLevel
 from skyway.contracts.mission import Mission
 from skyway.contracts.mission_reports import MISSION_REPORTS, FreeFrom, MissionReport
-from skyway.ids import DroneId, InstructionId, MissionId, ProviderId, StationId
+from skyway.ids import DeliveryId, DroneId, InstructionId, MissionId, ProviderId, StationId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.minting import Mint
@@ -20,7 +20,7 @@ from skyway.runtime.sql.database import Tx
 from skyway.runtime.tracing import in_trace_of
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition import alarm_store
-from skyway_composition.calendar.commit import Snapshot, lock_as_seen
+from skyway_composition.calendar.commit import Snapshot, WorldChanged, lock_as_seen
 from skyway_composition.calendar.store import raise_versions
 from skyway_composition.context import Context
 from skyway_composition.links.courier import Courier, Draft
@@ -30,7 +30,7 @@ from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import LiveCustody
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.share import Share
-from skyway_composition.missions.mission.share_views import own_fields
+from skyway_composition.missions.mission.share_views import own_fields, serves
 from skyway_composition.missions.mission.step_store import LiveSteps
 
 #: The reports that say when a drone is busy or free. So do all about a QUEUED mission, which may
@@ -348,3 +348,32 @@ def free_from(record: MissionRecord) -> FreeFrom | None:
         return None
     at = ms_to_moment(first.from_ms)
     return FreeFrom(at=at, station_id=first.station_id, soc=first.soc_from)
+
+
+async def lock_missions(
+    context: Context, tx: Tx, delivery_id: DeliveryId
+) -> tuple[MissionUnitOfWork, list[MissionRecord], list[MissionRecord]]:
+    """The missions that fly for a delivery, and those that are QUEUED; their drones are locked.
+
+    Raises
+    ------
+    WorldChanged
+        The dispatcher has moved a mission to another drone meanwhile.
+    """
+    drone_ids = await store.drones_serving(tx.connection, delivery_id)
+    waiting = await store.queued_of_delivery(tx.connection, delivery_id)
+    locked = {*drone_ids, *(each.drone_id for each in waiting)}
+    work = await MissionUnitOfWork.lock(context, tx, locked)
+    # Read again: a mission may have been sent before its drone was locked.
+    drone_ids = await store.drones_serving(tx.connection, delivery_id)
+    queued = await store.queued_of_delivery(tx.connection, delivery_id)
+    if not locked.issuperset([*drone_ids, *(each.drone_id for each in queued)]):
+        # Locking the other drone now could meet a transaction that locks both in order.
+        raise WorldChanged(locked)
+    flying = [
+        work.missions[each]
+        for each in drone_ids
+        # The drone may have got a mission for another delivery since it was found.
+        if each in work.missions and serves(work.missions[each], delivery_id)
+    ]
+    return work, flying, queued

@@ -179,9 +179,9 @@ async def test_a_delivery_that_is_over_is_not_changed(gateway: Gateway) -> None:
         ({"recipient": {"name": None}}, "recipient.name", "may be left out, but not null"),
         ({"provider_id": "prv_1"}, "provider_id", "is not a known field"),
         (
-            {"packages": [{"package_id": "p1", "mass_kg": 2}], "qos": {"objective": "CHEAPEST"}},
+            {"pickup": {"station_id": "bulverde"}},
             "body",
-            "cannot change qos, packages.0.mass_kg: cancel the delivery, and request another one",
+            "cannot change pickup: cancel the delivery, and request another one",
         ),
     ],
 )

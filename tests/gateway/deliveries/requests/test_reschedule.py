@@ -86,15 +86,6 @@ async def test_new_times_are_checked_like_those_of_a_request(gateway: Gateway) -
         assert detail in error["detail"]
 
 
-async def test_times_of_a_delivery_that_may_be_booked_stay(gateway: Gateway) -> None:
-    delivery_id = await gateway.accepted()
-
-    answer = await change(gateway, delivery_id, earliest_pickup_at=LATER)
-
-    assert (answer.status_code, answer.json()["code"]) == (409, "TOO_LATE")
-    assert "it is REQUESTED: cancel it" in answer.json()["detail"]
-
-
 async def test_a_dry_run_checks_new_times_and_keeps_the_old_ones(gateway: Gateway) -> None:
     delivery_id = await scheduled(gateway)
 
