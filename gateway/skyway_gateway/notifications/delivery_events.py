@@ -117,7 +117,7 @@ class EventRecorder:
 
     def _announce(self, delivery_id: DeliveryId, new: Sequence[NumberedEvent]) -> None:
         self._listeners.wake(delivery_id)
-        for each in new:
+        for each in new if is_live_id(delivery_id) else ():
             count("skyway_delivery_events", "events recorded for customers", type=each.event.type)
 
     def _event(self, happening: Happening, delivery_id: DeliveryId, sequence: int) -> NumberedEvent:

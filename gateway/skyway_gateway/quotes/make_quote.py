@@ -306,5 +306,7 @@ def _candidate_query(request: DeliveryRequest, position: Position) -> CandidateQ
 
 
 def _count(quote: Quote) -> None:
+    if not quote.livemode:
+        return
     count("skyway_quotes", "quotes made", outcome="offers" if quote.offers else "no_offer")
     count("skyway_offers", "offers made in quotes", float(len(quote.offers)))

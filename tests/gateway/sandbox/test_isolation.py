@@ -162,6 +162,15 @@ async def test_addresses_are_the_names_of_the_sandbox_stations(gateway: Gateway)
     assert found["packages"][0]["destination"] == {"station_id": "slow-street"}
 
 
+async def test_a_test_account_has_few_open_deliveries(gateway: Gateway) -> None:
+    headers = await sandbox_caller(gateway)
+
+    quotas = (await _got(gateway, "/v1/limits", headers))["quotas"]
+    most = {each["code"]: each["most"] for each in quotas}
+
+    assert (most["TOO_MANY_DELIVERIES"], most["TOO_MANY_SCHEDULED"]) == (100, 20)
+
+
 async def test_a_tracking_page_follows_a_test_delivery(gateway: Gateway) -> None:
     headers = await sandbox_caller(gateway)
     answer = await gateway.http.post("/v1/deliveries", json=sandbox_request(), headers=headers)
