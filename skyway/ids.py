@@ -1,6 +1,6 @@
 """The identifiers of Skyway: one type for each, and how a server makes a new one."""
 
-from typing import Annotated, NewType
+from typing import Annotated, Final, NewType
 
 from pydantic import Field, StringConstraints
 
@@ -50,6 +50,27 @@ AlarmId = NewType("AlarmId", Annotated[str, _FORM, Field(description="Id of an a
 QuarantineId = NewType(
     "QuarantineId", Annotated[str, _FORM, Field(description="Id of a set-aside message.")]
 )
+
+#: How the name of a test account begins. The ids of what belongs to a test account have it after
+#: their kind: ``dlv_test_01m7...``.
+TEST_PREFIX: Final = "test_"
+
+
+def is_live_account(subject_id: str) -> bool:
+    """Whether a subject's calls are real; those of a test account reach the sandbox only."""
+    return not subject_id.startswith(TEST_PREFIX)
+
+
+def is_live_id(identifier: str) -> bool:
+    """Whether an id with a kind, such as a delivery's, belongs to a live account."""
+    _kind, _, name = identifier.partition("_")
+    return is_live_account(name)
+
+
+def kind_for(subject_id: str, kind: str) -> str:
+    """The prefix of a new id of this kind that belongs to this subject."""
+    return kind if is_live_account(subject_id) else f"{kind}_{TEST_PREFIX.rstrip('_')}"
+
 
 _CROCKFORD = "0123456789abcdefghjkmnpqrstvwxyz"
 

@@ -85,14 +85,16 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         # A request is compared with each route in this order: the busiest routes come first.
         routers=[
             delivery_routes(
-                acceptance=parts.acceptance, canceller=parts.canceller, changer=parts.changer
+                acceptances=parts.acceptances,
+                canceller=parts.canceller,
+                changers=parts.changers,
             ),
             report_routes(gate=parts.services, applier=parts.applier),
-            quote_routes(context, maker=parts.quote_maker),
-            place_routes(places=parts.places),
+            quote_routes(context, makers=parts.quote_makers),
+            place_routes(places=parts.places_of),
             reading_routes(
                 context,
-                composition=parts.composition,
+                composition=parts.flown_by,
                 stream=EventStream(db, parts.listeners),
                 slots=parts.streams,
             ),

@@ -46,8 +46,8 @@ from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
 from skyway_gateway.notifications.secret_vault import SecretVault
 from skyway_gateway.notifications.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhook_store import WebhookQuota
-from skyway_gateway.parts import SERVICE, Parts
-from skyway_gateway.places.geocoder import NameGeocoder
+from skyway_gateway.parts import SERVICE, Backend, Parts
+from skyway_gateway.places.geocoder import Geocoder, NameGeocoder
 from skyway_gateway.places.http_geocoder import HttpGeocoder
 from skyway_gateway.places.locate import Locator
 from skyway_gateway.places.serve import PlaceServer
@@ -56,6 +56,11 @@ from skyway_gateway.proofs.photo_store import PhotoStore
 from skyway_gateway.proofs.upload_links import UPLOAD_PATHS, UploadLinks
 from skyway_gateway.quotes.make_quote import HoldLimits
 from skyway_gateway.quotes.store import keep_network
+from skyway_gateway.sandbox.both_compositions import BothCompositions
+from skyway_gateway.sandbox.fleets import SandboxRegistry
+from skyway_gateway.sandbox.network import sandbox_stations
+from skyway_gateway.sandbox.outcomes import outcome_of
+from skyway_gateway.sandbox.sandbox_composition import SandboxComposition
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.short_wait import ShortWait
 from skyway_gateway.tables import outbox, replicas
@@ -104,6 +109,7 @@ def build_parts(
     cached_keys, queued = CachedKeys(db, clock), Wake()
     services = ServiceGate(settings.secrets_dir, allowed=("composition",))
     meters = _meters(settings)
+    sandbox = _sandbox(db, meters, settings, clock)
     public_url = str(settings.public_url)
     links = TrackingLinks(settings.secrets_dir, public_url)
     proofs = ProofTaker(db, clock, timedelta(days=settings.proof_days))
@@ -125,6 +131,7 @@ def build_parts(
         find=find,
         networks=networks,
         places=_places(settings, networks.cached, composition, meters, clock),
+        sandbox=sandbox,
         cached_keys=cached_keys,
         cached_sessions=cached_sessions,
         login_codes=LoginCodes(db, clock, public_url),
@@ -200,7 +207,7 @@ def build_parts(
         waker=Waker(db, clock, networks.cached, queued),
         forecast=LatenessForecast(db, clock),
         links=links,
-        pages=TrackingPages(db, links, composition, clock),
+        pages=TrackingPages(db, links, BothCompositions(composition, sandbox.composition), clock),
         followers=Slots("FOLLOWERS", _FOLLOWERS_OF_A_DELIVERY),
         live=LiveFeed(
             (
@@ -222,6 +229,25 @@ def _places(
 ) -> PlaceServer:
     stations, url = StationMap(networks), settings.geocoder_url
     geocoder = NameGeocoder(stations) if url is None else HttpGeocoder(url, clock)
+    return _place_server(geocoder, stations, composition, meters, settings)
+
+
+def _sandbox(db: Database, meters: Meters, settings: GatewaySettings, clock: FleetClock) -> Backend:
+    """The world of test accounts: its addresses are the names of its own stations."""
+    networks, composition = CachedNetworks(), SandboxComposition(db, clock, mint)
+    networks.put(sandbox_stations())
+    stations = StationMap(networks)
+    places = _place_server(NameGeocoder(stations), stations, composition, meters, settings)
+    return Backend(SandboxRegistry(), composition, networks, places, outcome_of)
+
+
+def _place_server(
+    geocoder: Geocoder,
+    stations: StationMap,
+    composition: Composition,
+    meters: Meters,
+    settings: GatewaySettings,
+) -> PlaceServer:
     turns = FairQueue(
         "GEOCODING",
         at_once=_GEOCODED_AT_ONCE,

@@ -75,28 +75,8 @@ class Registry(Protocol):
         ...
 
 
-class Composition(Protocol):
-    """Composition, as the gateway needs it."""
-
-    async def must_accept(self, pickup: StationId) -> None:
-        """Go on only if the network of this pickup accepts new requests."""
-        ...
-
-    async def check_stations(self, query: StationCheckQuery) -> StationCheck:
-        """Whether stations exist, where they are, and whether a path leads to them."""
-        ...
-
-    async def quote(self, query: QuoteQuery) -> QuoteAnswer:
-        """The offers of all providers now, the best first; some are held if the query asks."""
-        ...
-
-    async def keep(self, asked: KeepOffer) -> KeptOffer:
-        """Hold an offer until it is booked, or say why it cannot be kept."""
-        ...
-
-    async def release(self, hold_id: HoldId) -> None:
-        """Give up what a hold keeps."""
-        ...
+class DeliveryComposition(Protocol):
+    """Composition, as far as it is asked about deliveries that exist."""
 
     async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
         """Book the best plan; asked again for the same attempt, the answer is the same."""
@@ -120,6 +100,30 @@ class Composition(Protocol):
 
     async def forget(self, asked: ForgetDeliveries) -> KeptDeliveries:
         """Delete deliveries that ended long ago, except those that are still needed."""
+        ...
+
+
+class Composition(DeliveryComposition, Protocol):
+    """Composition, as the gateway needs it."""
+
+    async def must_accept(self, pickup: StationId) -> None:
+        """Go on only if the network of this pickup accepts new requests."""
+        ...
+
+    async def check_stations(self, query: StationCheckQuery) -> StationCheck:
+        """Whether stations exist, where they are, and whether a path leads to them."""
+        ...
+
+    async def quote(self, query: QuoteQuery) -> QuoteAnswer:
+        """The offers of all providers now, the best first; some are held if the query asks."""
+        ...
+
+    async def keep(self, asked: KeepOffer) -> KeptOffer:
+        """Hold an offer until it is booked, or say why it cannot be kept."""
+        ...
+
+    async def release(self, hold_id: HoldId) -> None:
+        """Give up what a hold keeps."""
         ...
 
 

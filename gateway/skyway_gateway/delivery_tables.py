@@ -10,6 +10,7 @@ from sqlalchemy import (
     Boolean,
     CheckConstraint,
     Column,
+    ColumnElement,
     Double,
     ForeignKey,
     Index,
@@ -24,10 +25,17 @@ from sqlalchemy import (
     true,
 )
 
+from skyway.ids import TEST_PREFIX
 from skyway.runtime.sql.claims import claim_columns
 from skyway.runtime.sql.partial_index import partial_index
 
 metadata = MetaData()
+
+
+def is_live_row(subject_id: ColumnElement[str]) -> ColumnElement[bool]:
+    """Whether a row of any table belongs to a live account, by the column that names it."""
+    return ~subject_id.startswith(TEST_PREFIX, autoescape=True)
+
 
 #: Deliveries that are not over. The query of an index must repeat the condition of the index.
 IS_LIVE: Final = (
@@ -39,6 +47,9 @@ IS_LIVE: Final = (
 IS_OVER: Final = (
     "(state || '') IN ('COMPLETED', 'PARTIALLY_COMPLETED', 'CANCELLED', 'FAILED', 'REJECTED')"
 )
+
+#: Deliveries of test accounts, by their ids.
+IS_TEST: Final = "substr(delivery_id, 1, 9) = 'dlv_test_'"
 
 #: Rows with `is_queued` are the queue of `deliveries.booking`.
 deliveries = Table(
@@ -112,6 +123,7 @@ deliveries = Table(
     partial_index("deliveries_live", "customer_id", "state", where=IS_LIVE),
     # For those that are deleted after some days.
     partial_index("deliveries_over", "updated_ms", where=IS_OVER),
+    partial_index("deliveries_test", "updated_ms", where=IS_TEST),
     # Few deliveries are SCHEDULED: the others cost this index nothing.
     partial_index("deliveries_scheduled", "earliest_pickup_ms", where="state = 'SCHEDULED'"),
 )

@@ -6,17 +6,21 @@ from typing import Final
 from sqlalchemy import exists, func, select, text
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway_gateway.delivery_tables import IS_LIVE, deliveries
-from skyway_gateway.tables import api_keys, notifications, outbox
+from skyway_gateway.delivery_tables import IS_LIVE, deliveries, is_live_row
+from skyway_gateway.tables import api_keys, notifications, outbox, sandbox_missions
+
+_IS_REAL: Final = is_live_row(deliveries.c.customer_id)
 
 _LIVE: Final = (
-    select(deliveries.c.state, func.count()).where(text(IS_LIVE)).group_by(deliveries.c.state)
+    select(deliveries.c.state, func.count())
+    .where(text(IS_LIVE), _IS_REAL)
+    .group_by(deliveries.c.state)
 )
 _BOOKING: Final = select(func.count(), func.min(deliveries.c.updated_ms)).where(
-    deliveries.c.is_queued.is_(True), deliveries.c.waits_since_ms.is_(None)
+    deliveries.c.is_queued.is_(True), deliveries.c.waits_since_ms.is_(None), _IS_REAL
 )
 _WAITING: Final = select(func.count(), func.min(deliveries.c.waits_since_ms)).where(
-    deliveries.c.waits_since_ms.is_not(None)
+    deliveries.c.waits_since_ms.is_not(None), _IS_REAL
 )
 _NOTIFICATIONS: Final = select(func.count(), func.min(notifications.c.next_try_wall_ms)).where(
     notifications.c.state == text("'PENDING'")
@@ -33,6 +37,7 @@ OPEN_ROWS: Final = (
         )
     ),
     exists(select(outbox)),
+    exists(select(sandbox_missions).where(sandbox_missions.c.next_wall_ms.is_not(None))),
 )
 
 

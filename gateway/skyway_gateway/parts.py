@@ -1,13 +1,14 @@
 """The parts of the gateway, which `build_parts` makes and `app` opens."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import timedelta
 from functools import partial
 from typing import Final
 
-from skyway.announced_networks import NetworkLearner
+from skyway.announced_networks import CachedNetworks, NetworkLearner
 from skyway.cells import CellClients
+from skyway.delivery.request import DeliveryRequest
 from skyway.runtime.clock import AnchoredClock, FleetClock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import KeyEntrance, Meters
@@ -23,7 +24,7 @@ from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.login_codes import LoginCodes
 from skyway_gateway.access.recognise import CachedKeys
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
-from skyway_gateway.clients import Composition, NetworkFinder, Registry
+from skyway_gateway.clients import Composition, DeliveryComposition, NetworkFinder, Registry
 from skyway_gateway.console.console_files import BaseMap
 from skyway_gateway.console.system_routes import SmallWorld
 from skyway_gateway.deliveries.apply_reports import OverdueNotifier, ReportApplier
@@ -41,6 +42,7 @@ from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
 from skyway_gateway.forward.table import TenantLimit
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
 from skyway_gateway.live.feed import LiveFeed
+from skyway_gateway.livemode import ByMode
 from skyway_gateway.notifications.delivery_events import EventListeners
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
 from skyway_gateway.notifications.secret_vault import SecretVault
@@ -51,10 +53,24 @@ from skyway_gateway.proofs.upload_links import UploadLinks
 from skyway_gateway.quotes.accept_offer import OfferKeeper
 from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks
 from skyway_gateway.quotes.make_quote import HoldLimits, QuoteMaker
+from skyway_gateway.sandbox.both_compositions import BothCompositions
+from skyway_gateway.sandbox.player import Player
 from skyway_gateway.tracking.pages import TrackingPages
 from skyway_gateway.tracking_links import TrackingLinks
 
 SERVICE: Final = "gateway"
+
+
+@dataclass(frozen=True, slots=True)
+class Backend:
+    """What stands behind the gateway, for live accounts or for test accounts."""
+
+    registry: Registry
+    composition: Composition
+    networks: CachedNetworks
+    places: PlaceServer
+    #: Refuses a request that this backend alone cannot serve.
+    check: Callable[[DeliveryRequest], object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +88,7 @@ class Parts:
     find: NetworkFinder
     networks: NetworkLearner
     places: PlaceServer
+    sandbox: Backend
     cached_keys: CachedKeys
     cached_sessions: CachedKeys
     login_codes: LoginCodes
@@ -120,12 +137,34 @@ class Parts:
         return {"registry": self.clients["registry"], **self.servers.every()}
 
     @property
+    def backends(self) -> ByMode[Backend]:
+        """The services themselves, and the sandbox."""
+        live = Backend(
+            self.registry,
+            self.composition,
+            self.networks.cached,
+            self.places,
+            lambda request: request,
+        )
+        return ByMode(live, self.sandbox)
+
+    @property
+    def places_of(self) -> ByMode[PlaceServer]:
+        """Finds the stations that serve places."""
+        return self.backends.each(lambda backend: backend.places)
+
+    @property
+    def flown_by(self) -> DeliveryComposition:
+        """What flies deliveries of both modes."""
+        return BothCompositions(self.composition, self.sandbox.composition)
+
+    @property
     def booker(self) -> Booker:
         """Books queued deliveries."""
         return Booker(
             self.db,
-            self.registry,
-            self.composition,
+            ByMode(self.registry, self.sandbox.registry),
+            self.flown_by,
             self.canceller.finish,
             self.writer,
             self.clock,
@@ -139,15 +178,18 @@ class Parts:
     @property
     def canceller(self) -> Canceller:
         """Cancels deliveries."""
-        return Canceller(self.db, self.composition, self.writer, self.clock, mint)
+        return Canceller(self.db, self.flown_by, self.writer, self.clock, mint)
 
     @property
-    def changer(self) -> Changer:
+    def changers(self) -> ByMode[Changer]:
         """Changes deliveries."""
+        return self.backends.each(self._changer)
+
+    def _changer(self, backend: Backend) -> Changer:
         return Changer(
             self.db,
-            ChangePlanner(self.places, self.quote_maker),
-            self.composition,
+            ChangePlanner(backend.places, self._quote_maker(backend)),
+            self.flown_by,
             self.writer,
             self.clock,
             self.horizon,
@@ -176,32 +218,42 @@ class Parts:
         )
 
     @property
-    def quote_maker(self) -> QuoteMaker:
+    def player(self) -> Player:
+        """Plays the reports of test deliveries."""
+        return Player(self.db, self.clock, self.applier.apply)
+
+    @property
+    def quote_makers(self) -> ByMode[QuoteMaker]:
         """Makes quotes."""
+        return self.backends.each(self._quote_maker)
+
+    def _quote_maker(self, backend: Backend) -> QuoteMaker:
         return QuoteMaker(
             self.db,
-            self.registry,
-            self.composition,
-            self.checks,
+            backend.registry,
+            backend.composition,
+            self.checks(backend),
             self.clock,
             mint,
             self.horizon,
             self.hold_limits,
             self.quoting,
-            self.networks.cached,
+            backend.networks,
             self.forecast,
-            self.places,
+            backend.places,
         )
 
     @property
-    def acceptance(self) -> Acceptance:
+    def acceptances(self) -> ByMode[Acceptance]:
         """Accepts delivery requests."""
-        keeper = OfferKeeper(self.registry, self.composition, self.clock)
+        return self.backends.each(self._acceptance)
+
+    def _acceptance(self, backend: Backend) -> Acceptance:
         return Acceptance(
             self.db,
-            self.places,
-            self.checks,
-            keeper,
+            backend.places,
+            self.checks(backend),
+            OfferKeeper(backend.registry, backend.composition, self.clock),
             self.writer,
             self.clock,
             mint,
@@ -213,10 +265,14 @@ class Parts:
             self.photos,
         )
 
-    @property
-    def checks(self) -> RequestChecks:
+    def checks(self, backend: Backend) -> RequestChecks:
         """Checks delivery requests against networks and fleets."""
-        limits = CachedPayloadLimits(self.registry, self.clock)
+        limits = CachedPayloadLimits(backend.registry, self.clock)
         return RequestChecks(
-            limits, self.networks.cached, self.composition, self.clock, self.places.wait
+            limits,
+            backend.networks,
+            backend.composition,
+            self.clock,
+            backend.places.wait,
+            backend.check,
         )

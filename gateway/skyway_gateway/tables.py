@@ -309,6 +309,23 @@ closed_totals = Table(
     CheckConstraint("role IN ('customer', 'provider')", name="closed_total_role"),
 )
 
+#: The missions of test deliveries, which no composition knows, and their reports in order, of which
+#: the first `played` have happened.
+sandbox_missions = Table(
+    "sandbox_missions",
+    metadata,
+    Column("mission_id", Text, primary_key=True),
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), nullable=False),
+    Column("attempt", Integer, nullable=False),
+    Column("mission", Text, nullable=False),  # JSON of skyway.contracts.mission.Mission
+    Column("reports", Text, nullable=False),  # JSON list of MissionReport
+    Column("played", Integer, nullable=False),
+    Column("next_wall_ms", BigInteger),  # when the next one is due; null once all are applied
+    CheckConstraint("played >= 0", name="sandbox_played"),
+    UniqueConstraint("delivery_id", "attempt", name="sandbox_attempt"),
+    partial_index("sandbox_due", "next_wall_ms", where="next_wall_ms IS NOT NULL"),
+)
+
 #: Up to which age the rows of a table were deleted. A table without a row here still has all.
 pruned = Table(
     "pruned",

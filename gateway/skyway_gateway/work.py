@@ -34,6 +34,7 @@ _SCHEDULED_EVERY_S: Final = 0.5
 _WAKES_EVERY_S: Final = 0.5
 _LATENESS_EVERY_S: Final = 5.0
 _MONTHS_EVERY_S: Final = 10.0
+_SANDBOX_EVERY_S: Final = 0.25
 
 
 def start_work(loops: Loops, parts: Parts, mqtt: MqttClient, settings: GatewaySettings) -> None:
@@ -71,7 +72,7 @@ def start_work(loops: Loops, parts: Parts, mqtt: MqttClient, settings: GatewaySe
         loops,
         parts.db,
         parts.clock,
-        composition=parts.composition,
+        composition=parts.flown_by,
         claimant=parts.booking.claimant,
         settings=settings,
         photos=parts.photos,
@@ -126,6 +127,7 @@ def _start_leading(loops: Loops, parts: Parts, mqtt: MqttClient) -> None:
     sweep("keys", keys.end_expired_keys, _KEYS_EVERY_S)
     sweep("overdue", parts.overdue_notifier.step, _OVERDUE_EVERY_S)
     sweep("scheduled", parts.schedule_opener.step, _SCHEDULED_EVERY_S)
+    sweep("sandbox", parts.player.step, _SANDBOX_EVERY_S)
     sweep("months", closing.step, _MONTHS_EVERY_S)
     sweep("secrets", seal_old_secrets, _SEAL_EVERY_S, always)
 

@@ -27,6 +27,7 @@ _COMMANDS: Final = {
     "battery": "drones.upkeep:battery_app",
     "maintenance": "drones.upkeep:maintenance_app",
     "console": "console:console_command",
+    "sandbox": "sandbox:sandbox_command",
     "alarms": "alarms:alarms_command",
     "mission": "mission:mission_app",
     "closures": "closures:closures_command",
@@ -63,6 +64,7 @@ _SUMMARIES: Final = {
     "maintenance": "Set when drones are due for maintenance, list those that are, record what was "
     "done.",
     "console": "Print a link to the console that logs a browser in once, within ten minutes.",
+    "sandbox": "Make a test key of the customer whose key is set, and print it.",
     "alarms": "List the open alarms, the newest first; acknowledge one.",
     "mission": "Command a mission: hold, resume, divert, return home, cancel, give up.",
     "closures": "List what is closed now, or will be: stations, pads, segments, zones, ground "

@@ -39,6 +39,9 @@ class DeliveryEvent(Message):
     event_id: EventId
     type: DeliveryEventType
     delivery_id: DeliveryId
+    livemode: Annotated[
+        bool, Field(description="False for a test delivery, which the sandbox has played.")
+    ] = True
     sequence: Annotated[int, Field(ge=1)]
     occurred_at: FleetMoment
     data: dict[str, Any] = Field(default_factory=dict)

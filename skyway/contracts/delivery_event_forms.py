@@ -34,6 +34,9 @@ from skyway.ids import DeliveryId, EventId
 class _Event(Message):
     event_id: EventId
     delivery_id: DeliveryId
+    livemode: Annotated[
+        bool, Field(description="False for a test delivery, which the sandbox has played.")
+    ] = True
     sequence: Annotated[
         int, Field(ge=1, description="The event's number within its delivery, without gaps.")
     ]

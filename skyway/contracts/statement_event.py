@@ -49,6 +49,7 @@ class StatementClosed(Message):
         STATEMENT_CLOSED
     )
     delivery_id: Annotated[None, Field(description="Always null: it is about no delivery.")] = None
+    livemode: Annotated[bool, Field(description="Always true: test months are not closed.")] = True
     sequence: Annotated[int, Field(ge=1, le=1, description="Always 1.")] = 1
     occurred_at: FleetMoment
     data: Annotated[StatementData, Field(description="What the event says.")]

@@ -77,3 +77,17 @@ def test_a_shop_orders_follows_and_verifies_with_the_python_client(
     )
 
     assert printed.splitlines()[-1] == "COMPLETED"
+
+
+def test_a_shop_plays_its_day_with_a_test_key(client: Path, system: Any, tmp_path: Path) -> None:
+    """No network is published, and no drone flies."""
+    url, key = (system.keys[f"SKYWAY_{name}"] for name in ("GATEWAY_URL", "CUSTOMER_KEY"))
+    made = system.call("POST", "/v1/keys", key=key, body={"livemode": False}).json()
+
+    printed = run(
+        *(sys.executable, STORIES / "story.py", url, made["key"], "harbour", "library"),
+        cwd=tmp_path,
+        PYTHONPATH=str(client),
+    )
+
+    assert printed.splitlines()[-1] == "COMPLETED"

@@ -3,11 +3,11 @@
 from datetime import datetime, timedelta
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, computed_field, model_validator
 
 from skyway.bounds import Moment
 from skyway.errors import InvalidInput
-from skyway.ids import KeyId, ProviderId, SubjectId
+from skyway.ids import TEST_PREFIX, KeyId, ProviderId, SubjectId, is_live_account
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import AccessDenied
 from skyway.runtime.http.identity import KeyHolder
@@ -42,28 +42,13 @@ KeyScopes = Annotated[
 
 
 class NewKey(JsonModel):
-    """The key to issue: its role, the subject that it is for, and what limits it."""
+    """The key that is issued: its role, the subject that it is for, and what limits it."""
 
-    role: Annotated[KeyRole, Field(description="Who the key is for.")]
-    subject_id: Annotated[
-        SubjectId,
-        Field(description="A customer's own name, a provider's id, or an operator's name."),
-    ]
-    name: Annotated[
-        KeyName | None,
-        Field(description="What people call the key: printable characters.", examples=["laptop"]),
-    ] = None
-    scopes: Annotated[
-        KeyScopes | None,
-        Field(
-            description="Which calls of the role it allows; without this, all of them.",
-            examples=[["deliveries:read"]],
-        ),
-    ] = None
-    expires_wall_at: Annotated[
-        Moment | None,
-        Field(description="When it ends, wall time, at most ten years ahead; without this, never."),
-    ] = None
+    role: KeyRole
+    subject_id: SubjectId
+    name: KeyName | None = None
+    scopes: KeyScopes | None = None
+    expires_wall_at: Moment | None = None
 
     @classmethod
     def of_provider(cls, provider_id: ProviderId, maker: KeyHolder) -> Self:
@@ -114,6 +99,87 @@ class NewKey(JsonModel):
             )
 
 
+#: The longest name of a customer that may have a test account.
+_LONGEST_WITH_TEST: Final = 64 - len(TEST_PREFIX)
+
+
+class KeyRequest(JsonModel):
+    """The key that is asked for; customers may ask for keys of their own test account only."""
+
+    livemode: Annotated[
+        bool,
+        Field(
+            description="False for a key of a customer's test account, `test_` and the customer's "
+            "name, which sees the sandbox only."
+        ),
+    ] = True
+    role: Annotated[
+        KeyRole | None, Field(description="Who the key is for; customers leave it out.")
+    ] = None
+    subject_id: Annotated[
+        SubjectId | None,
+        Field(
+            description="A customer's own name, a provider's id, or an operator's name; with "
+            "`livemode` false, the customer whose test account it is. Customers leave it out."
+        ),
+    ] = None
+    name: Annotated[
+        KeyName | None,
+        Field(description="What people call the key: printable characters.", examples=["laptop"]),
+    ] = None
+    scopes: Annotated[
+        KeyScopes | None,
+        Field(
+            description="Which calls of the role it allows; without this, all of them.",
+            examples=[["deliveries:read"]],
+        ),
+    ] = None
+    expires_wall_at: Annotated[
+        Moment | None,
+        Field(description="When it ends, wall time, at most ten years ahead; without this, never."),
+    ] = None
+
+    def asked_by(self, caller_role: str, caller_id: str) -> NewKey:
+        """The key that this caller asks for.
+
+        Raises
+        ------
+        InvalidInput
+            The role or the subject is missing, or cannot have a test account; or a customer asks
+            for a live key, or for a key of somebody else.
+        """
+        role, subject_id = self.role, self.subject_id
+        if caller_role == "customer":
+            own = SubjectId(caller_id)
+            wrong = {
+                "livemode": self.livemode,
+                "role": role not in (None, "customer"),
+                "subject_id": subject_id not in (None, own),
+            }
+            for field in (name for name, is_wrong in wrong.items() if is_wrong):
+                raise InvalidInput(field, "customers make keys of their own test account only")
+            role, subject_id = "customer", own
+        if role is None or subject_id is None:
+            field = "role" if role is None else "subject_id"
+            raise InvalidInput(field, "must be given")
+        if not is_live_account(subject_id):
+            detail = f"must not begin with {TEST_PREFIX!r}: set livemode to false for a test key"
+            raise InvalidInput("subject_id", detail)
+        if not self.livemode:
+            subject_id = _test_account_of(role, subject_id)
+        limits = {"name": self.name, "scopes": self.scopes, "expires_wall_at": self.expires_wall_at}
+        return NewKey.model_validate({"role": role, "subject_id": subject_id, **limits})
+
+
+def _test_account_of(role: KeyRole, subject_id: SubjectId) -> SubjectId:
+    if role != "customer":
+        raise InvalidInput("livemode", f"only customers have test accounts, and role is {role}")
+    if len(subject_id) > _LONGEST_WITH_TEST:
+        detail = f"{len(subject_id)} characters exceed the {_LONGEST_WITH_TEST} of a customer"
+        raise InvalidInput("subject_id", f"{detail} with a test account")
+    return SubjectId(TEST_PREFIX + subject_id)
+
+
 class ApiKey(JsonModel):
     """A key, without its secret."""
 
@@ -142,9 +208,17 @@ class ApiKey(JsonModel):
         KeyId | None,
         Field(
             description="The key from which it was rotated, and which ends when this one is first "
-            "used; null for a key that an operator made."
+            "used; null for a key that was made."
         ),
     ] = None
+
+    @computed_field(  # type: ignore[prop-decorator]
+        description="False for a key of a test account, which sees the sandbox only."
+    )
+    @property
+    def livemode(self) -> bool:
+        """Whether the calls of the key are real."""
+        return is_live_account(self.subject_id)
 
 
 class BrokerLogin(JsonModel):
@@ -162,14 +236,20 @@ class BrokerLogin(JsonModel):
 class IssuedKey(ApiKey):
     """A new key with its secrets, which are shown only once."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _without_computed(cls, values: dict[str, object]) -> dict[str, object]:
+        # A stored answer is read again.
+        return {name: value for name, value in values.items() if name != "livemode"}
+
     key: Annotated[
         str, Field(description="The secret key for `Authorization: Bearer`; it is shown only once.")
     ]
     mqtt: Annotated[
         BrokerLogin | None,
         Field(
-            description="The broker account with its new password; null for providers, for a "
-            "customer's key without the scope `deliveries:read`, for an operator's key with "
-            "scopes, and after a rotation while another key's password is valid."
+            description="The broker account with its new password; null for providers, for test "
+            "accounts, for a customer's key without the scope `deliveries:read`, for an operator's "
+            "key with scopes, and after a rotation while another key's password is valid."
         ),
     ]

@@ -1,4 +1,4 @@
-"""Writes the audit log: calls of operators and providers, tracking links, and refused keys.
+"""Writes the audit log: calls of operators and providers, keys, tracking links, refused keys.
 
 Calls that only read are not logged. The entry is written before the answer is sent, so that no
 answered call is missing. The key identifies the caller; a call that it refuses changes nothing.
@@ -48,6 +48,13 @@ _NOT_ANSWERED: Final = 0
 #: How the paths of tracking links end. The log is the second copy of which link was withdrawn.
 TRACKING_LINK: Final = "/tracking-link"
 
+_KEYS: Final = "/v1/keys"
+
+
+def _is_right(path: str) -> bool:
+    """Whether a customer's call gives or takes a right, which the log knows too."""
+    return path.endswith(TRACKING_LINK) or path.startswith(_KEYS)
+
 
 class AuditTrail:
     """ASGI middleware: one entry for each call of an operator or provider."""
@@ -88,7 +95,7 @@ class AuditTrail:
     async def _write(self, scope: _Message, caller: object, body: bytes, status: int) -> None:
         if not isinstance(caller, Caller) or not (
             caller.role in ("operator", "provider")
-            or (caller.role == "customer" and scope["path"].endswith(TRACKING_LINK))
+            or (caller.role == "customer" and _is_right(scope["path"]))
         ):
             return
         entry = AuditEntry(

@@ -14,9 +14,9 @@ from skyway.contracts.broker_rules import (
     operator_account,
 )
 from skyway.errors import InvalidInput
-from skyway.ids import KeyId, ProviderId, SubjectId
+from skyway.ids import KeyId, ProviderId, SubjectId, is_live_account
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import Conflict, Unauthenticated
+from skyway.runtime.errors import AccessDenied, Conflict, Unauthenticated
 from skyway.runtime.http.identity import Caller, KeyHolder
 from skyway.runtime.idempotency_store import Answer, KeyedCall, once
 from skyway.runtime.loops import Wake
@@ -24,7 +24,14 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.peer_secrets import read_secret, secret_hash
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access import account_store, store
-from skyway_gateway.access.api_key import ApiKey, BrokerLogin, IssuedKey, KeyRole, NewKey
+from skyway_gateway.access.api_key import (
+    ApiKey,
+    BrokerLogin,
+    IssuedKey,
+    KeyRequest,
+    KeyRole,
+    NewKey,
+)
 from skyway_gateway.access.recognise import CachedKeys
 from skyway_gateway.access.usage import UsageQuota
 
@@ -90,6 +97,8 @@ class BrokerAccounts:
 def new_login(key: NewKey | ApiKey) -> BrokerLogin | None:
     """The account that a new key gives its holder, with a new password; None if it gives none."""
     scopes, name = key.scopes, key.subject_id
+    if not is_live_account(name):
+        return None  # events of test accounts are not sent over MQTT
     if key.role == "operator" and scopes is None:
         # The account reads everything, so a key with fewer scopes does not have one.
         user_name = operator_account(name)
@@ -100,7 +109,9 @@ def new_login(key: NewKey | ApiKey) -> BrokerLogin | None:
     return BrokerLogin(user_name=user_name, password=secrets.token_urlsafe(_PASSWORD_BYTES))
 
 
-_PREFIX: Final = "sk_"
+#: How secrets of live keys and of test keys begin, so that people see which one they have.
+_LIVE_PREFIX: Final = "sk_live_"
+_TEST_PREFIX: Final = "sk_test_"
 #: 256 bits cannot be guessed, so a fast hash is enough.
 _SECRET_BYTES: Final = 32
 
@@ -120,9 +131,10 @@ FIRST_HOLDERS: Final = frozenset((role, subject_id) for _, role, subject_id in _
 _OVERLAP: Final = timedelta(days=1)
 
 
-def _new_secret() -> str:
-    """A new API key."""
-    return _PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
+def _new_secret(subject_id: SubjectId) -> str:
+    """A new API key of this subject."""
+    prefix = _LIVE_PREFIX if is_live_account(subject_id) else _TEST_PREFIX
+    return prefix + secrets.token_urlsafe(_SECRET_BYTES)
 
 
 class Keys:
@@ -162,7 +174,7 @@ class Keys:
                     key = self._key(NewKey(role=role, subject_id=SubjectId(subject_id)))
                     await store.add_if_new(tx, key, key_hash=secret_hash(secret))
 
-    async def issue(self, holder: KeyHolder, requested: NewKey, call: KeyedCall) -> Answer:
+    async def issue(self, holder: KeyHolder, asked: KeyRequest, call: KeyedCall) -> Answer:
         """A new key, with a broker account for people; only this answer shows the secrets.
 
         Raises
@@ -171,17 +183,22 @@ class Keys:
             The customer's name is reserved for Skyway's own processes or for drones, no such
             provider is registered, or the expiry is past or too far ahead.
         AccessDenied
-            The key would have more scopes or a later end than the holder's own.
+            The key would have more scopes or a later end than the holder's own, or the holder may
+            not make it.
         Conflict
             TOO_MANY_KEYS: so many keys of the subject are in use.
         ServiceUnavailable
             The registry could not open the account: repeat the call.
         """
+        caller = holder.caller
+        if not is_live_account(caller.subject_id):
+            raise AccessDenied("a test key makes no keys: use a live key of its customer")
+        requested = asked.asked_by(caller.role, caller.subject_id)
         requested.refuse_unless_within(holder)
         if _is_reserved(requested):
             detail = f"{requested.subject_id!r} is reserved for Skyway's own processes"
             raise InvalidInput("subject_id", detail)
-        await self._must_be_registered(requested, holder.caller)
+        await self._must_be_registered(requested, caller)
 
         async def write(tx: Tx) -> Answer:
             requested.refuse_bad_end(self._clock.wall_now())
@@ -217,7 +234,7 @@ class Keys:
 
     async def add(self, tx: Tx, requested: NewKey) -> IssuedKey:
         """A new key, added in this transaction."""
-        key, secret = self._key(requested), _new_secret()
+        key, secret = self._key(requested), _new_secret(requested.subject_id)
         is_open = requested.role not in ACCOUNT_ROLES
         await store.add(tx, key, key_hash=secret_hash(secret), is_account_open=is_open)
         return IssuedKey(**dict(key), key=secret, mqtt=new_login(requested))
@@ -256,7 +273,8 @@ class Keys:
                 expires_wall_at=old.expires_at,
                 replaces=key_id,
             )
-            secret, login = _new_secret(), await self._next_login(tx, key, replaces=key_id)
+            secret = _new_secret(key.subject_id)
+            login = await self._next_login(tx, key, replaces=key_id)
             await store.add(
                 tx,
                 key,
@@ -279,9 +297,22 @@ class Keys:
         )
         return None if is_kept else new_login(key)
 
-    async def delete(self, key_id: KeyId) -> None:
-        """Delete a key; a broker account with the password of this key ends, too."""
+    async def delete(self, caller: Caller, key_id: KeyId) -> None:
+        """Delete a key; a broker account with the password of this key ends, too.
+
+        Raises
+        ------
+        NotFound
+            There is no such key, or it is not the caller's.
+        AccessDenied
+            It is the customer's own live key, which an operator deletes.
+        """
         async with self._db.write() as tx:
+            if caller.role == "customer":
+                at = self._clock.wall_now()
+                found = await store.one(tx.connection, caller, key_id, at=at)
+                if found.livemode:
+                    raise AccessDenied("an operator deletes live keys")
             await store.delete(tx, key_id, at=self._clock.wall_now())
             tx.after_commit(self._cached.forget)
         self.wake.set()

@@ -14,7 +14,7 @@ from skyway.runtime.http.identity import Caller, KeyHolder
 from skyway.runtime.http.paging import Page, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.access import audit_store, store
-from skyway_gateway.access.api_key import ApiKey, IssuedKey, NewKey
+from skyway_gateway.access.api_key import ApiKey, IssuedKey, KeyRequest
 from skyway_gateway.access.audit_store import AuditEntry, AuditQuery
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.scopes import require_scope
@@ -76,7 +76,7 @@ def holder_of(request: Request) -> KeyHolder:
 
 
 def key_routes(context: Context, *, keys: Keys) -> ServiceRouter:
-    """POST, GET and DELETE /v1/keys, for operators; POST /v1/keys/rotations, for each holder."""
+    """GET, POST and DELETE /v1/keys for customers and operators, and POST /v1/keys/rotations."""
     router = ServiceRouter(tags=("keys",))
 
     @router.post(
@@ -88,16 +88,17 @@ def key_routes(context: Context, *, keys: Keys) -> ServiceRouter:
     async def create_key(
         request: Request,
         caller: KeyCaller,
-        requested: NewKey,
+        requested: KeyRequest,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Make an API key; its secrets are shown only in this answer.
 
-        A key can give no more scopes and no later end than its own.
+        A key can give no more scopes and no later end than its own. Customers make keys of their
+        own test account, with `livemode` false.
 
-        Callers: operator.
+        Callers: customer, operator.
         """
-        caller.must_be("operator")
+        caller.must_be("customer", "operator")
         call = await keyed_call(request, caller, idempotency_key)
         return response_of(await keys.issue(holder_of(request), requested, call))
 
@@ -122,33 +123,33 @@ def key_routes(context: Context, *, keys: Keys) -> ServiceRouter:
 
     @router.get("/v1/keys")
     async def list_keys(caller: KeyCaller, query: Annotated[KeyListQuery, Query()]) -> Page[ApiKey]:
-        """List all keys in use, without their secrets.
+        """List keys in use, without their secrets: a customer's own and its test keys, or all.
 
-        Callers: operator.
+        Callers: customer, operator.
         """
-        caller.must_be("operator")
+        caller.must_be("customer", "operator")
         async with context.db.read() as connection:
-            found = await store.page(connection, query, at=context.clock.wall_now())
+            found = await store.page(connection, caller, query, at=context.clock.wall_now())
         return page_of(found, query, item=lambda key: key, sort_key=lambda key: (key.key_id,))
 
     @router.get("/v1/keys/{key_id}")
     async def get_key(key_id: KeyId, caller: KeyCaller) -> ApiKey:
         """Show a key, without its secret.
 
-        Callers: operator.
+        Callers: customer, operator.
         """
-        caller.must_be("operator")
+        caller.must_be("customer", "operator")
         async with context.db.read() as connection:
-            return await store.one(connection, key_id, at=context.clock.wall_now())
+            return await store.one(connection, caller, key_id, at=context.clock.wall_now())
 
     @router.delete("/v1/keys/{key_id}", status_code=204)
     async def delete_key(key_id: KeyId, caller: KeyCaller) -> Response:
-        """Delete a key; calls with it are refused from now on.
+        """Delete a key; calls with it are refused from now on. Customers delete test keys.
 
-        Callers: operator.
+        Callers: customer, operator.
         """
-        caller.must_be("operator")
-        await keys.delete(key_id)
+        caller.must_be("customer", "operator")
+        await keys.delete(caller, key_id)
         return Response(status_code=204)
 
     return router

@@ -10,9 +10,9 @@ from fastapi import Depends, Request, Response
 from pydantic import Field
 
 from skyway.contracts.message import WallMoment
-from skyway.ids import KeyId, SubjectId
+from skyway.ids import KeyId, SubjectId, is_live_account
 from skyway.json_model import JsonModel
-from skyway.runtime.errors import NotFound, Unauthenticated
+from skyway.runtime.errors import AccessDenied, NotFound, Unauthenticated
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.http.session_cookie import (
@@ -101,6 +101,7 @@ def session_routes(context: Context, *, cached: CachedKeys, codes: LoginCodes) -
             code = login.code
             caller = await recognise_code(request, code)
         caller.must_be("customer", "provider", "operator")
+        _must_be_live(caller)
         secret = SESSION_PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
         async with context.db.write() as tx:
             if code is not None and not await codes.use(tx, code):
@@ -145,6 +146,11 @@ def session_routes(context: Context, *, cached: CachedKeys, codes: LoginCodes) -
     return router
 
 
+def _must_be_live(caller: Caller) -> None:
+    if not is_live_account(caller.subject_id):
+        raise AccessDenied("test keys have no console: follow test deliveries by REST and webhooks")
+
+
 def _session(request: Request) -> Session:
     holder = holder_of(request)
     scopes = None if holder.scopes is None else tuple(sorted(holder.scopes))
@@ -186,6 +192,7 @@ def session_link_routes(context: Context, *, codes: LoginCodes) -> ServiceRouter
         Callers: customer, provider, operator.
         """
         caller.must_be("customer", "provider", "operator")
+        _must_be_live(caller)
         async with context.db.write() as tx:
             code, expires_wall_at = await codes.make(tx, KeyId(holder_of(request).key_id))
         return SessionLink(url=codes.url_of(code), expires_wall_at=expires_wall_at)

@@ -24,7 +24,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.ids import KeyId, SubjectId
+from skyway.ids import TEST_PREFIX, KeyId, SubjectId, is_live_account
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller, KeyHolder
 from skyway.runtime.http.paging import PageQuery
@@ -33,6 +33,7 @@ from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.api_key import ApiKey, KeyRole
 from skyway_gateway.access.scopes import Scope
+from skyway_gateway.delivery_tables import is_live_row
 from skyway_gateway.tables import api_keys
 
 
@@ -122,15 +123,19 @@ async def hashes_in_use(connection: AsyncConnection, since_wall_ms: int) -> Sequ
     return list((await connection.execute(statement)).scalars())
 
 
-async def one(connection: AsyncConnection, key_id: KeyId, *, at: datetime) -> ApiKey:
+async def one(
+    connection: AsyncConnection, caller: Caller, key_id: KeyId, *, at: datetime
+) -> ApiKey:
     """A key that is in use.
 
     Raises
     ------
     NotFound
-        There is no such key.
+        There is no such key, or it is not the caller's.
     """
-    statement = select(api_keys).where(api_keys.c.key_id == key_id, _is_in_use(at))
+    statement = select(api_keys).where(
+        api_keys.c.key_id == key_id, _is_in_use(at), _is_shown_to(caller)
+    )
     row = (await connection.execute(statement)).one_or_none()
     if row is None:
         raise NotFound("key", key_id)
@@ -151,10 +156,10 @@ async def used(
 
 
 async def page(
-    connection: AsyncConnection, query: KeyListQuery, *, at: datetime
+    connection: AsyncConnection, caller: Caller, query: KeyListQuery, *, at: datetime
 ) -> Sequence[ApiKey]:
-    """Up to limit + 1 keys that are in use, sorted by id."""
-    statement = select(api_keys).where(_is_in_use(at))
+    """Up to limit + 1 keys of the caller that are in use, sorted by id; operators see all keys."""
+    statement = select(api_keys).where(_is_in_use(at), _is_shown_to(caller))
     if query.role is not None:
         statement = statement.where(api_keys.c.role == query.role)
     if query.subject_id is not None:
@@ -201,6 +206,16 @@ async def _end(tx: Tx, which: ColumnElement[bool], at: datetime) -> bool:
     return ended.rowcount > 0
 
 
+def _is_shown_to(caller: Caller) -> ColumnElement[bool]:
+    """Customers see their own keys, with a live key also those of their test account."""
+    if caller.role == "operator":
+        return true()
+    accounts = [caller.subject_id]
+    if is_live_account(caller.subject_id):
+        accounts.append(TEST_PREFIX + caller.subject_id)
+    return and_(api_keys.c.role == caller.role, api_keys.c.subject_id.in_(accounts))
+
+
 def _is_in_use(at: datetime) -> ColumnElement[bool]:
     return and_(
         api_keys.c.deleted_wall_ms.is_(None),
@@ -244,9 +259,9 @@ def _moment(wall_ms: int | None) -> datetime | None:
 
 
 def owned(caller: Caller, customer_id: Column[str]) -> ColumnElement[bool]:
-    """Whether a row belongs to the caller; operators see all rows, providers none."""
+    """Whether a row belongs to the caller; operators see all live rows, providers none."""
     if caller.role == "operator":
-        return true()
+        return is_live_row(customer_id)
     return customer_id == caller.subject_id if caller.role == "customer" else false()
 
 

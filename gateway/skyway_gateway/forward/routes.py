@@ -8,7 +8,7 @@ from typing import Any, Final, Protocol
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
-from skyway.ids import ProviderId
+from skyway.ids import ProviderId, is_live_account
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.answers import IdempotencyKey, keyed_call, response_of
 from skyway.runtime.http.body_bounds import BodyLimit
@@ -26,6 +26,7 @@ from skyway_gateway.access.routes import KeyCaller, holder_of
 from skyway_gateway.context import Context
 from skyway_gateway.forward.cell_routes import ForwardToCells, whole_body
 from skyway_gateway.forward.document import most_body_bytes, stored_document
+from skyway_gateway.forward.sandbox_answers import sandbox_answer
 from skyway_gateway.forward.table import (
     FORWARDED,
     PROVIDER_CREATION,
@@ -108,6 +109,9 @@ def _handler(
 
     async def for_caller(request: Request, caller: KeyCaller) -> Response:
         caller.must_be(*row.roles)
+        if not is_live_account(caller.subject_id):
+            body, kind = sandbox_answer(f"{row.method} {row.path}", request.path_params)
+            return Response(body, media_type=kind)
         _refuse_foreign(caller, request)
         queue = reporting if row.is_report else None
         if row.is_planning or _is_dry_run(row, request):

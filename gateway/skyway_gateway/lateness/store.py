@@ -22,7 +22,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import NetworkId, ProviderId
 from skyway.runtime.sql.connection import AnyRow
-from skyway_gateway.delivery_tables import deliveries, missions, packages
+from skyway_gateway.delivery_tables import deliveries, is_live_row, missions, packages
 
 #: The last packages of a provider in a network that count. Our own choice.
 MOST_OF_PROVIDER: Final = 300
@@ -52,6 +52,7 @@ _LAST: Final = (
     .where(
         packages.c.delivered_ms >= bindparam("since_ms", type_=BigInteger),
         packages.c.promised_ms.is_not(None),
+        is_live_row(deliveries.c.customer_id),
     )
     .order_by(packages.c.delivered_ms.desc(), packages.c.delivery_id, packages.c.package_id)
     .limit(bindparam("most", type_=Integer))
@@ -124,6 +125,7 @@ def _kept() -> Select[*tuple[Any, ...]]:  # columns of every type
             delivered >= bindparam("week_ms", type_=BigInteger),
             p90.is_not(None),
             IS_DUE_AS_PROMISED,
+            is_live_row(deliveries.c.customer_id),
         )
         .group_by(*pair)
         .order_by(func.count().desc(), *pair)

@@ -3,13 +3,13 @@
 from datetime import datetime
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, computed_field
 
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.statement_event import Month
 from skyway.delivery.line_items import LineKind
 from skyway.delivery.offer import Currency
-from skyway.ids import DeliveryId, MissionId, ProviderId, SubjectId
+from skyway.ids import DeliveryId, MissionId, ProviderId, SubjectId, is_live_account
 from skyway.json_model import JsonModel
 
 
@@ -37,6 +37,14 @@ class LedgerLine(JsonModel):
     note: Annotated[str | None, Field(description="Why an operator made a correction.")] = None
     at: FleetMoment
     month: Month
+
+    @computed_field(  # type: ignore[prop-decorator]
+        description="False for what belongs to a test account."
+    )
+    @property
+    def livemode(self) -> bool:
+        """Whether it is real."""
+        return is_live_account(self.customer_id)
 
 
 def month_of(moment: datetime) -> str:

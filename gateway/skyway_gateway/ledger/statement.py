@@ -3,12 +3,12 @@
 from datetime import datetime
 from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, computed_field
 
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.statement_event import Month
 from skyway.delivery.offer import Currency
-from skyway.ids import DeliveryId, SubjectId
+from skyway.ids import DeliveryId, SubjectId, is_live_account, is_live_id
 from skyway.json_model import JsonModel
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
@@ -87,6 +87,14 @@ class Statement(JsonModel):
         FleetMoment | None,
         Field(description="When the month was closed; null while it is open."),
     ]
+
+    @computed_field(  # type: ignore[prop-decorator]
+        description="False for what belongs to a test account."
+    )
+    @property
+    def livemode(self) -> bool:
+        """Whether it is real."""
+        return is_live_account(self.party_id) and is_live_id(self.party_id)
 
 
 class Correction(JsonModel):

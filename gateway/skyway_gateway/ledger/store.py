@@ -28,6 +28,7 @@ from skyway.delivery.line_items import LineKind
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_gateway.delivery_tables import is_live_row
 from skyway_gateway.ledger.line import LedgerLine
 from skyway_gateway.ledger.statement import (
     LineQuery,
@@ -50,7 +51,7 @@ def add_lines(tx: Tx, lines: Iterable[LedgerLine]) -> None:
 
 
 def _row_of(line: LedgerLine) -> dict[str, Any]:  # values of every type
-    return {**line.model_dump(exclude={"at"}), "at_ms": moment_to_ms(line.at)}
+    return {**line.model_dump(exclude={"at", "livemode"}), "at_ms": moment_to_ms(line.at)}
 
 
 def _line_of(row: AnyRow) -> LedgerLine:
@@ -65,7 +66,9 @@ async def lines_page(
     """Up to limit + 1 lines of a month, by mission and number."""
     statement = select(ledger).where(ledger.c.month == month)
     columns = _PARTIES.values() if query.role is None else [_PARTIES[query.role]]
-    if query.party_id is not None:
+    if query.party_id is None:
+        statement = statement.where(is_live_row(ledger.c.customer_id))
+    else:
         statement = statement.where(or_(*(column == query.party_id for column in columns)))
     if query.delivery_id is not None:
         statement = statement.where(ledger.c.delivery_id == query.delivery_id)
@@ -119,13 +122,21 @@ def sums_of(
 async def statements_page(
     connection: AsyncConnection, query: StatementQuery, *, month: str
 ) -> Sequence[Statement]:
-    """Up to limit + 1 statements of a month, by role, party and currency."""
+    """Up to limit + 1 statements of a month, by role, party and currency.
+
+    Those of test parties are shown only where one is named.
+    """
     found = sums_of(month, role=query.role, party_id=query.party_id).subquery()
     key = (found.c.role, found.c.party_id, found.c.currency)
     closed_ms = (
         select(closed_months.c.closed_ms).where(closed_months.c.month == month).scalar_subquery()
     )
     statement = select(found, closed_ms.label("closed_ms"))
+    if query.party_id is None:
+        statement = statement.where(
+            is_live_row(found.c.party_id),
+            ~found.c.party_id.startswith("prv_test_", autoescape=True),
+        )
     if (after := query.after(str, str, str)) is not None:
         statement = statement.where(tuple_(*key) > after)
     statement = statement.order_by(*key).limit(query.limit + 1)
@@ -172,7 +183,9 @@ async def close_month(tx: Tx, month: str, *, at: datetime) -> bool:
 async def totals_of_listeners(tx: Tx, month: str) -> dict[str, list[ClosedTotal]]:
     """The totals of a closed month by customer, for customers with a webhook."""
     listens = exists().where(
-        webhooks.c.customer_id == closed_totals.c.party_id, webhooks.c.state == "ACTIVE"
+        webhooks.c.customer_id == closed_totals.c.party_id,
+        webhooks.c.state == "ACTIVE",
+        is_live_row(webhooks.c.customer_id),
     )
     statement = (
         select(closed_totals)

@@ -10,9 +10,11 @@ from skyway.ids import DeliveryId, SubjectId
 from skyway.runtime.sql.in_list import in_list
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.records.delivery_store import with_parts
-from skyway_gateway.delivery_tables import IS_LIVE, deliveries
+from skyway_gateway.delivery_tables import IS_LIVE, deliveries, is_live_row
 
-_LIVE: Final = select(deliveries.c.delivery_id, deliveries.c.version).where(text(IS_LIVE))
+_LIVE: Final = select(deliveries.c.delivery_id, deliveries.c.version).where(
+    text(IS_LIVE), is_live_row(deliveries.c.customer_id)
+)
 _NAMED: Final = select(deliveries).where(in_list(deliveries.c.delivery_id, "delivery_ids"))
 _CUSTOMERS: Final = select(deliveries.c.delivery_id, deliveries.c.customer_id).where(
     in_list(deliveries.c.delivery_id, "delivery_ids")

@@ -7,7 +7,9 @@ from fastapi import Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import Field
 
+from skyway.ids import is_live_account
 from skyway.json_model import QueryModel
+from skyway.runtime.errors import AccessDenied
 from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.identity import Caller
@@ -68,6 +70,8 @@ def live_routes(*, feed: LiveFeed, slots: Slots, meters: Meters) -> ServiceRoute
         Callers: customer, provider, operator.
         """
         caller.must_be("customer", "provider", "operator")
+        if not is_live_account(caller.subject_id):
+            raise AccessDenied("the live picture shows no test deliveries: follow their events")
         scope = Scope.of(caller, kinds=query.kinds, bbox=query.bbox)
         frames = ViewerFrames(
             feed,

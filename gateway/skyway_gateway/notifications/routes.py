@@ -13,7 +13,7 @@ from pydantic import Field
 from skyway.contracts.delivery_event_examples import delivery_event_examples
 from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
 from skyway.contracts.statement_event import StatementClosed
-from skyway.ids import SubjectId, WebhookId
+from skyway.ids import SubjectId, WebhookId, kind_for
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import AnchoredClock
 from skyway.runtime.errors import Conflict
@@ -122,7 +122,7 @@ def webhook_routes(
         caller.must_be("customer")
         await targets.check(requested.url, SubjectId(caller.subject_id))
         webhook = IssuedWebhook(
-            webhook_id=WebhookId(context.mint("whk")),
+            webhook_id=WebhookId(context.mint(kind_for(caller.subject_id, "whk"))),
             url=requested.url,
             event_types=requested.event_types,
             state="ACTIVE",

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Final, Never, get_args
 
-from skyway.ids import EventId
+from skyway.ids import EventId, is_live_id
 from skyway.runtime.clock import FleetClock, sleep_wall
 from skyway.runtime.loops import MissingParts, Wake, always, repeat
 from skyway.runtime.metrics import count, observe
@@ -143,6 +143,7 @@ class WebhookSender:
         """Send a test event once, before anything that is due, and store the attempt."""
         now = self.clock.now()
         event = TrialEvent(
+            livemode=is_live_id(endpoint.webhook_id),
             type="webhook.test",
             message_id=self.mint("msg"),
             sent_at=now,

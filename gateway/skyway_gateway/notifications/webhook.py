@@ -12,13 +12,13 @@ from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import Annotated, Final, Literal
 
-from pydantic import Field
+from pydantic import Field, computed_field
 
 from skyway.bounds import Moment, NotNull
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.message import FleetMoment, Message
 from skyway.contracts.statement_event import StatementEventType
-from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId
+from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId, is_live_id
 from skyway.json_model import JsonModel
 
 WebhookUrl = Annotated[str, Field(min_length=1, max_length=2000)]
@@ -108,6 +108,14 @@ class Webhook(JsonModel):
             "and GIVEN_UP say that the receiver did not answer 2xx."
         ),
     ] = None
+
+    @computed_field(  # type: ignore[prop-decorator]
+        description="False for what belongs to a test account."
+    )
+    @property
+    def livemode(self) -> bool:
+        """Whether it is real."""
+        return is_live_id(self.webhook_id)
 
 
 class IssuedWebhook(Webhook):
@@ -202,6 +210,7 @@ class TrialEvent(Message):
     delivery_id: Annotated[
         Literal["webhook-test"], Field(description="Stands for a delivery: there is none.")
     ] = "webhook-test"
+    livemode: Annotated[bool, Field(description="False for the webhook of a test account.")] = True
     sequence: Annotated[int, Field(ge=1, le=1, description="Always 1.")] = 1
     occurred_at: Annotated[FleetMoment, Field(description="When it was sent, fleet time.")]
     data: Annotated[TrialData, Field(description="What the event says.")]

@@ -12,6 +12,7 @@ from skyway.json_model import JsonModel, QueryModel
 from skyway.runtime.http.answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyCaller
+from skyway_gateway.livemode import ByMode
 from skyway_gateway.places.choose import Candidate
 from skyway_gateway.places.customer_request import (
     Address,
@@ -74,7 +75,7 @@ class PlaceCandidates(JsonModel):
     ]
 
 
-def place_routes(*, places: PlaceServer) -> ServiceRouter:
+def place_routes(*, places: ByMode[PlaceServer]) -> ServiceRouter:
     """GET /v1/places."""
     router = ServiceRouter(tags=("deliveries",))
 
@@ -87,7 +88,8 @@ def place_routes(*, places: PlaceServer) -> ServiceRouter:
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        return _shown(await places.candidates(query.place(), who=str(caller)))
+        served = places.of(caller.subject_id)
+        return _shown(await served.candidates(query.place(), who=str(caller)))
 
     return router
 

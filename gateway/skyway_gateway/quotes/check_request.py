@@ -6,7 +6,7 @@ away, nobody checks masses and providers: booking finds out later, and rejects t
 """
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Final, NamedTuple
@@ -214,6 +214,8 @@ class RequestChecks:
     composition: Composition
     clock: FleetClock
     composition_wait: ShortWait
+    #: A further check; the sandbox refuses references that name no outcome.
+    check_also: Callable[[DeliveryRequest], object]
 
     async def check(self, request: DeliveryRequest) -> CheckedRequest:
         """Check the whole request.
@@ -228,6 +230,7 @@ class RequestChecks:
             Composition does not answer now, and never said whether the stations exist; or the
             network is closed to new requests.
         """
+        self.check_also(request)
         self._check_times(request)
         _check_destinations(request)
         position = await self._check_stations(request)

@@ -18,7 +18,7 @@ from skyway.delivery.qos import ProviderChoice, Weights
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import InvalidInput, SkywayError
 from skyway.geo import Position
-from skyway.ids import HoldId, OfferId, QuoteId, SubjectId
+from skyway.ids import HoldId, OfferId, QuoteId, SubjectId, kind_for
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.http.identity import Caller
@@ -184,7 +184,7 @@ class QuoteMaker:
         offering = {each.provider_id for each in offers}
         reasons = (each for each in found[0].infeasible if each.provider_id not in offering)
         quote = Quote(
-            quote_id=QuoteId(self.mint("quo")),
+            quote_id=QuoteId(self.mint(kind_for(caller.subject_id, "quo"))),
             request=served.nearest,
             places=served.places,
             made_at=self.clock.now(),
@@ -306,5 +306,7 @@ def _candidate_query(request: DeliveryRequest, position: Position) -> CandidateQ
 
 
 def _count(quote: Quote) -> None:
+    if not quote.livemode:
+        return
     count("skyway_quotes", "quotes made", outcome="offers" if quote.offers else "no_offer")
     count("skyway_offers", "offers made in quotes", float(len(quote.offers)))

@@ -7,12 +7,13 @@ from skyway.runtime.http.answers import IdempotencyKey, conflicts, keyed_call, r
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.context import Context
+from skyway_gateway.livemode import ByMode
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.make_quote import QuoteMaker, QuoteRequest
 from skyway_gateway.quotes.store import Quote
 
 
-def quote_routes(context: Context, *, maker: QuoteMaker) -> ServiceRouter:
+def quote_routes(context: Context, *, makers: ByMode[QuoteMaker]) -> ServiceRouter:
     """POST /v1/quotes and GET /v1/quotes/{quote_id}."""
     router = ServiceRouter(tags=("quotes",))
 
@@ -34,6 +35,7 @@ def quote_routes(context: Context, *, maker: QuoteMaker) -> ServiceRouter:
         """
         caller.must_be("customer", "operator")
         call = await keyed_call(request, caller, idempotency_key)
+        maker = makers.of(caller.subject_id)
         return response_of(await maker.make(caller, requested, call))
 
     @router.get("/v1/quotes/{quote_id}")

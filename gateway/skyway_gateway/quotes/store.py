@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Annotated, Final
 
-from pydantic import Field, TypeAdapter
+from pydantic import Field, TypeAdapter, computed_field
 from sqlalchemy import and_, delete, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
@@ -19,7 +19,7 @@ from skyway.contracts.quote import OfferTerms
 from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest, Place
-from skyway.ids import DeliveryId, HoldId, OfferId, QuoteId, StationId, SubjectId
+from skyway.ids import DeliveryId, HoldId, OfferId, QuoteId, StationId, SubjectId, is_live_id
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
@@ -125,6 +125,14 @@ class Quote(JsonModel):
         DeliveryId | None,
         Field(description="The delivery of the accepted offer; null while none is accepted."),
     ] = None
+
+    @computed_field(  # type: ignore[prop-decorator]
+        description="False for what belongs to a test account."
+    )
+    @property
+    def livemode(self) -> bool:
+        """Whether it is real."""
+        return is_live_id(self.quote_id)
 
     def request_of(self, offer: Offer) -> DeliveryRequest:
         """The request with the stations of an offer."""

@@ -5,11 +5,11 @@ Keys, webhooks, sessions and stored answers are secret or hold secrets, and are 
 
 from typing import Final
 
-from sqlalchemy import Table, true
+from sqlalchemy import Table, and_, true
 
 from skyway.runtime.archive import ArchivedTable
 from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES
-from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
+from skyway_gateway.delivery_tables import custody, deliveries, is_live_row, missions, packages
 from skyway_gateway.tables import audit, events, webhook_attempts
 
 #: How the processes share work, and a cache of what the events say.
@@ -27,7 +27,10 @@ _OF_QUEUE: Final = frozenset(
     }
 )
 
-_is_over: Final = deliveries.c.state.in_(sorted(TERMINAL_STATES))
+#: Archives have no test deliveries.
+_is_over: Final = and_(
+    deliveries.c.state.in_(sorted(TERMINAL_STATES)), is_live_row(deliveries.c.customer_id)
+)
 
 
 def _part(table: Table) -> ArchivedTable:

@@ -23,9 +23,10 @@ from skyway.ids import DeliveryId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.idempotency_store import sweep
 from skyway.runtime.loops import Loops, repeat
+from skyway.runtime.sql.claims import Claiming
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import session_store
-from skyway_gateway.clients import Composition
+from skyway_gateway.clients import DeliveryComposition
 from skyway_gateway.deliveries.proving.photos import Photos
 from skyway_gateway.personal_data import store as personal_data_store
 from skyway_gateway.quotes import store as quote_store
@@ -37,17 +38,21 @@ log = logging.getLogger(__name__)
 #: A delivery that composition still needs is tried again after this time, wall time.
 _AGAIN_AFTER: Final = timedelta(hours=1)
 
+#: How long test deliveries are kept after their end, fleet time; never longer than others.
+_TESTS_KEPT: Final = timedelta(days=7)
+
 
 @dataclass(frozen=True, slots=True)
 class DeliveryPruning:
     """Deletes deliveries `kept` after their last change, a span of fleet time."""
 
     db: Database
-    composition: Composition
+    composition: DeliveryComposition
     clock: FleetClock
     claimant: str
     kept: timedelta
     photos: Photos
+    which: Claiming = store.OF_ALL
 
     async def step(self) -> bool:
         """Delete some deliveries; always False, so that a long backlog leaves time for others."""
@@ -62,7 +67,7 @@ class DeliveryPruning:
         """Claim deliveries that ended long ago, and mark them as leaving."""
         before = self.clock.now() - self.kept
         return await store.claim_old(
-            self.db, before=before, claimant=self.claimant, clock=self.clock
+            self.db, self.which, before=before, claimant=self.claimant, clock=self.clock
         )
 
     async def forget(self, leaving: list[DeliveryId]) -> list[DeliveryId]:
@@ -160,7 +165,7 @@ def start_pruning(
     db: Database,
     clock: FleetClock,
     *,
-    composition: Composition,
+    composition: DeliveryComposition,
     claimant: str,
     settings: GatewaySettings,
     photos: Photos,
@@ -173,6 +178,17 @@ def start_pruning(
     loops.start("proofs", repeat("proofs", pictures, every_s=_PERSONAL_EVERY_S))
     expired = ExpiredPruning(db, clock)
     loops.start("sweep", repeat("sweep", led(expired.step), every_s=_EXPIRED_EVERY_S))
+    tests = DeliveryPruning(
+        db,
+        composition,
+        clock,
+        claimant=claimant,
+        kept=_TESTS_KEPT,
+        photos=photos,
+        which=store.OF_TEST_ACCOUNTS,
+    )
+    old_tests = repeat("old test deliveries", led(tests.step), every_s=_DELIVERIES_EVERY_S)
+    loops.start("old test deliveries", old_tests)
     if settings.delivery_days is not None:
         deliveries = DeliveryPruning(
             db,

@@ -7,6 +7,7 @@ from typing import Final
 
 from sqlalchemy import (
     BigInteger,
+    ColumnElement,
     Delete,
     and_,
     bindparam,
@@ -26,7 +27,15 @@ from skyway.runtime.sql.claims import FREE, NOW_MS, Claiming, claim_values
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms
-from skyway_gateway.delivery_tables import IS_OVER, custody, deliveries, missions, packages, proofs
+from skyway_gateway.delivery_tables import (
+    IS_OVER,
+    IS_TEST,
+    custody,
+    deliveries,
+    missions,
+    packages,
+    proofs,
+)
 from skyway_gateway.tables import (
     audit,
     audit_head,
@@ -37,6 +46,7 @@ from skyway_gateway.tables import (
     personal_data,
     pruned,
     quotes,
+    sandbox_missions,
     tracking_links,
     webhook_attempts,
 )
@@ -72,22 +82,30 @@ _has_pending = exists().where(
     notifications.c.state == text("'PENDING'"),
 )
 
-#: Marks deliveries as leaving, and claims them. A marked one is claimed again after a kill.
-_CLAIMING: Final = Claiming.of(
-    deliveries,
-    where=and_(
-        text(IS_OVER),
-        deliveries.c.updated_ms < _OLD_MS,
-        # Composition still needed it at the last try.
-        deliveries.c.next_try_wall_ms <= NOW_MS,
-        _has_last_event,
-        _are_swept,
-        ~_waits_in_outbox,
-        ~_has_pending,
-    ),
-    order_by=[deliveries.c.updated_ms, deliveries.c.delivery_id],
-    also={"is_leaving": true()},
-)
+
+def _claiming(which: ColumnElement[bool]) -> Claiming:
+    """Marks such deliveries as leaving, and claims them; marked ones again after a kill."""
+    return Claiming.of(
+        deliveries,
+        where=and_(
+            text(IS_OVER),
+            which,
+            deliveries.c.updated_ms < _OLD_MS,
+            # Composition still needed it at the last try.
+            deliveries.c.next_try_wall_ms <= NOW_MS,
+            _has_last_event,
+            _are_swept,
+            ~_waits_in_outbox,
+            ~_has_pending,
+        ),
+        order_by=[deliveries.c.updated_ms, deliveries.c.delivery_id],
+        also={"is_leaving": true()},
+    )
+
+
+#: Deliveries of all accounts, and of test accounts only.
+OF_ALL: Final = _claiming(true())
+OF_TEST_ACCOUNTS: Final = _claiming(and_(text(IS_TEST)))
 
 _KEEP: Final = (
     update(deliveries)
@@ -115,6 +133,7 @@ _PARTS: Final = (
     tracking_links,
     personal_data,
     proofs,
+    sandbox_missions,
     deliveries,
 )
 _DELETE: Final[Sequence[Delete]] = (
@@ -126,12 +145,12 @@ _DELETE: Final[Sequence[Delete]] = (
 
 
 async def claim_old(
-    db: Database, *, before: datetime, claimant: str, clock: FleetClock
+    db: Database, which: Claiming, *, before: datetime, claimant: str, clock: FleetClock
 ) -> list[DeliveryId]:
     """Claim deliveries that ended before this moment of fleet time, and mark them as leaving."""
     values = claim_values(limit=BATCH, claimant=claimant, lease_s=_LEASE_S, clock=clock)
     old = values | {"old_ms": moment_to_ms(before)}
-    claimed = _CLAIMING.in_order(await db.write_alone(_CLAIMING.statement, old))
+    claimed = which.in_order(await db.write_alone(which.statement, old))
     return [row.delivery_id for row in claimed]
 
 

@@ -9,7 +9,7 @@ from skyway.ids import DeliveryId
 from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
-from skyway_gateway.clients import Composition
+from skyway_gateway.clients import DeliveryComposition
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.proofs import store as proof_store
 from skyway_gateway.proofs.verification import DropoffProof
@@ -40,7 +40,11 @@ class TrackingPages:
     """Deliveries as their links show them."""
 
     def __init__(
-        self, db: Database, links: TrackingLinks, composition: Composition, clock: FleetClock
+        self,
+        db: Database,
+        links: TrackingLinks,
+        composition: DeliveryComposition,
+        clock: FleetClock,
     ) -> None:
         self._db = db
         self._links = links

@@ -5,6 +5,7 @@ from functools import partial
 from typing import Final
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.ids import is_live_id
 from skyway_verifier.facts import CopyFacts, DeliveryFacts, HintFacts, MissionFacts, PackageFacts
 from skyway_verifier.rule import AnyCrossRule, CrossRule
 
@@ -153,6 +154,12 @@ _ASK_PEOPLE: Final = (
 )
 
 DELIVERY_RULES: Final = (
+    _from_composition(
+        "composition knows no test delivery",
+        lambda own, _other: () if is_live_id(own.delivery_id) else (own.delivery_id,),
+        "A real drone may fly for a test account. Cancel its missions (POST "
+        "/v1/missions/{id}/commands with CANCEL), and report how it came there.",
+    ),
     _from_composition(
         "a delivery of composition is a delivery of the gateway",
         lambda own, other: () if other else (own.delivery_id,),

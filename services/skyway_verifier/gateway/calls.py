@@ -8,7 +8,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable
 from typing import Any, Final
 
-from skyway_gateway.access.api_key import NewKey
+from skyway_gateway.access.api_key import KeyRequest, NewKey
 from skyway_gateway.access.audit_store import UNKNOWN, entry_hash
 from skyway_gateway.access.audit_trail import TRACKING_LINK
 from skyway_gateway.access.keys import FIRST_HOLDERS
@@ -190,7 +190,10 @@ def _is_logged(at_ms: int, rows: Iterable[Any]) -> bool:
 
 def _asked(row: Any) -> NewKey | None:  # a row of the audit log
     """The key that a call asked for; None if the log has only a part of the body."""
-    return readable(None, NewKey.read, row.body or "")
+    asked = readable(None, KeyRequest.read, row.body or "")
+    if asked is None:
+        return None
+    return readable(None, asked.asked_by, row.role, row.subject_id)
 
 
 async def _unlike_log(survey: Survey) -> set[str]:

@@ -16,6 +16,7 @@ from skyway_gateway.personal_data.details import PersonalData
 from skyway_gateway.places.served import ServedPlace
 from skyway_gateway.proofs.signature import Signature
 from skyway_gateway.quotes.store import Offer
+from skyway_gateway.sandbox.store import REPORTS
 from skyway_gateway.tables import (
     api_keys,
     events,
@@ -26,6 +27,7 @@ from skyway_gateway.tables import (
     personal_data,
     quotes,
     replicas,
+    sandbox_missions,
     session_links,
     sessions,
     webhooks,
@@ -34,11 +36,12 @@ from sqlalchemy import func, select
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event import DeliveryEvent
-from skyway.contracts.mission import OfferLimits
+from skyway.contracts.mission import Mission, OfferLimits
 from skyway.contracts.statement_event import StatementClosed
 from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.request import DeliveryRequest
 from skyway.geo import Position
+from skyway.ids import is_live_id
 from skyway_verifier.facts import (
     CopyFacts,
     DeliveryFacts,
@@ -54,6 +57,7 @@ from skyway_verifier.gateway.ledger import LEDGER
 from skyway_verifier.gateway.packages import PACKAGES, package_stories
 from skyway_verifier.gateway.personal_data import PERSONAL_DATA
 from skyway_verifier.gateway.proofs import PROOFS
+from skyway_verifier.gateway.sandbox import SANDBOX
 from skyway_verifier.rule import Rule, Survey
 from skyway_verifier.storage_rules import (
     form_rule,
@@ -94,6 +98,8 @@ _FORMS: Final = form_rule(
         known_networks.c.stations: NetworkStations.read,
         outbox.c.payload: json.loads,
         personal_data.c.details: PersonalData.read,
+        sandbox_missions.c.mission: Mission.read,
+        sandbox_missions.c.reports: REPORTS.validate_json,
         api_keys.c.key_hash: read_sha256,
         api_keys.c.scopes: TypeAdapter(tuple[Scope, ...]).validate_json,
         sessions.c.session_hash: read_sha256,
@@ -120,6 +126,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *API_KEYS,
     *PERSONAL_DATA,
     *PROOFS,
+    *SANDBOX,
 )
 
 
@@ -152,6 +159,7 @@ async def _deliveries(survey: Survey) -> Mapping[str, DeliveryFacts]:
             packages=carried.get(row.delivery_id, {}),
         )
         async for row in survey.each(select(*(deliveries.c[name] for name in names)))
+        if is_live_id(row.delivery_id)  # composition never knows test deliveries
     }
 
 

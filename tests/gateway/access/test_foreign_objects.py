@@ -113,7 +113,17 @@ async def test_no_list_of_another_customer_holds_them(
         assert others.json()["items"] == []
 
 
-@pytest.mark.parametrize("role", ["customer", "provider", "drone"])
+async def test_another_customers_key_looks_like_no_key(gateway: Gateway) -> None:
+    for method in ("GET", "DELETE"):
+        answers = [
+            await ask(gateway, (method, f"/v1/keys/{key_id}", None), key_id, gateway.customer)
+            for key_id in ("key_other", "key_nobdy")
+        ]
+        assert answers[0] == answers[1]
+        assert answers[0].status == 404
+
+
+@pytest.mark.parametrize("role", ["provider", "drone"])
 async def test_keys_look_alike_to_all_but_operators(gateway: Gateway, role: str) -> None:
     """Also a key of the caller's own."""
     headers = getattr(gateway, role)

@@ -101,8 +101,8 @@ async def test_a_bad_key_request_names_the_field(
     assert answer.json()["errors"][0]["field"] == field
 
 
-async def test_only_operators_manage_keys(gateway: Gateway) -> None:
-    for headers, status in ((gateway.customer, 403), (gateway.provider, 403), ({}, 401)):
+async def test_others_than_customers_and_operators_see_no_keys(gateway: Gateway) -> None:
+    for headers, status in ((gateway.provider, 403), (gateway.drone, 403), ({}, 401)):
         for method, path in (
             ("POST", "/v1/keys"),
             ("GET", "/v1/keys"),

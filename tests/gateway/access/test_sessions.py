@@ -67,7 +67,7 @@ async def test_a_session_calls_as_its_key_does(gateway: Gateway) -> None:
 
     assert answer.json() == {"role": "customer", "subject_id": "alice", "scopes": None}
     assert await status(gateway, "GET", "/v1/deliveries", cookie) == 200
-    assert await status(gateway, "GET", "/v1/keys", cookie) == 403
+    assert await status(gateway, "GET", "/v1/audit", cookie) == 403
     assert await status(gateway, "POST", "/v1/deliveries", cookie | OWN, make_request()) == 202
 
 

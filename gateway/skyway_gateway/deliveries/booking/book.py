@@ -16,7 +16,7 @@ from functools import partial
 from skyway.contracts.candidate import CandidateQueries, ProviderReason
 from skyway.contracts.mission import Booking, BookMissions, Mission
 from skyway.contracts.shortlist import Candidates, Shortlist
-from skyway.ids import DeliveryId
+from skyway.ids import DeliveryId, is_live_id
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.loops import MissingParts
@@ -25,7 +25,7 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import tracing
 from skyway.units import ms_to_moment
-from skyway_gateway.clients import Composition, Registry
+from skyway_gateway.clients import DeliveryComposition, Registry
 from skyway_gateway.deliveries.booking.booking_round import (
     AnswerLost,
     are_live,
@@ -58,6 +58,7 @@ from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.delivery_rows import Outdated, QueuedDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
+from skyway_gateway.livemode import ByMode
 from skyway_gateway.proofs.upload_links import UploadLinks
 
 log = logging.getLogger(__name__)
@@ -68,8 +69,8 @@ class Booker:
     """Books queued deliveries, which it claims in the name of `claimant`."""
 
     db: Database
-    registry: Registry
-    composition: Composition
+    registries: ByMode[Registry]
+    composition: DeliveryComposition
     #: Ends a cancellation that was begun and not ended.
     finish_cancelling: Callable[[Delivery], Awaitable[None]]
     writer: DeliveryWriter
@@ -95,14 +96,17 @@ class Booker:
     async def candidates_of(
         self, line: Sequence[QueuedDelivery]
     ) -> Mapping[DeliveryId, Candidates]:
-        """Candidates for all requests of a line, from one state of the fleets.
+        """Candidates for all live requests of a line, from one state of the fleets.
 
         So a drone that comes online meanwhile is a candidate for all of them, or for none. Empty if
         the registry is away: then each round asks again, and postpones its delivery.
         """
+        line = [queued for queued in line if is_live_id(queued.delivery.delivery_id)]
+        if not line:
+            return {}
         asked = CandidateQueries(queries=tuple(candidate_query(queued) for queued in line))
         try:
-            found = await self.registry.candidate_lists(asked)
+            found = await self.registries.live.candidate_lists(asked)
         except (ServiceUnavailable, RemoteProblem):
             return {}
         ids = (queued.delivery.delivery_id for queued in line)
@@ -181,7 +185,8 @@ class Booker:
         if is_over and delivery.request.latest_at is not None:
             await self._give_up_late(queued, delivery.reasons)
             return False
-        candidates = candidates or await self.registry.candidates(candidate_query(queued))
+        registry = self.registries.of(delivery.customer_id)
+        candidates = candidates or await registry.candidates(candidate_query(queued))
         # Ask even without candidates: an earlier round may have booked this attempt and died.
         booking = await self._ask(queued, booking_request(delivery, candidates.shortlist))
         await self._decide(queued, booking, candidates, is_last=is_over)

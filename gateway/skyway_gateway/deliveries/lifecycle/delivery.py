@@ -21,6 +21,7 @@ from skyway.ids import (
     ProviderId,
     StationId,
     SubjectId,
+    is_live_id,
 )
 from skyway.json_model import JsonModel, WireModel
 from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission, Refusal, Waiting
@@ -295,6 +296,14 @@ class Delivery(JsonModel):
         own = self.request.pickup
         other = next((each for each in (*flown, *kept) if each != own.station_id), None)
         return own if other is None else Place(station_id=StationId(other))
+
+    @computed_field(  # type: ignore[prop-decorator]
+        description="False for what belongs to a test account."
+    )
+    @property
+    def livemode(self) -> bool:
+        """Whether it is real."""
+        return is_live_id(self.delivery_id)
 
     @property
     def is_over(self) -> bool:

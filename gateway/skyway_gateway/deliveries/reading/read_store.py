@@ -42,7 +42,7 @@ from skyway_gateway.deliveries.reading.statistics import (
 )
 from skyway_gateway.deliveries.reading.views import DayEarnings, EarningsQuery
 from skyway_gateway.deliveries.records.delivery_store import with_parts
-from skyway_gateway.delivery_tables import deliveries, missions, packages
+from skyway_gateway.delivery_tables import deliveries, is_live_row, missions, packages
 from skyway_gateway.lateness.store import IS_DUE_AS_PROMISED
 from skyway_gateway.tables import ledger
 
@@ -198,7 +198,11 @@ class Counted:
     def is_counted(self) -> ColumnElement[bool]:
         """Whether a delivery counts."""
         created = deliveries.c.created_ms
-        is_in_span = and_(created >= self.span.start_ms, created < self.span.end_ms)
+        is_in_span = and_(
+            created >= self.span.start_ms,
+            created < self.span.end_ms,
+            is_live_row(deliveries.c.customer_id),
+        )
         if self.provider_id is None:
             return is_in_span
         # An alias, because the statement around it may use the missions table itself.
@@ -327,7 +331,7 @@ async def waiting(connection: AsyncConnection, *, now_ms: int) -> WaitingRequest
     age = case(*((since >= now_ms - 1000 * up_to_s, up_to_s) for up_to_s in AGES_S)).label("age")
     statement = (
         select(age, func.count().label("requests"), func.min(since).label("first_ms"))
-        .where(since.is_not(None))
+        .where(since.is_not(None), is_live_row(deliveries.c.customer_id))
         .group_by(age)
     )
     rows = (await connection.execute(statement)).all()

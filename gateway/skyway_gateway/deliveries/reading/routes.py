@@ -18,7 +18,7 @@ from skyway.runtime.limits import FairQueue, Slots
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_gateway.access.routes import KeyCaller
-from skyway_gateway.clients import Composition
+from skyway_gateway.clients import DeliveryComposition
 from skyway_gateway.context import Context
 from skyway_gateway.deliveries.lifecycle.customer_forms import ShownDelivery, shown_to
 from skyway_gateway.deliveries.lifecycle.delivery import (
@@ -54,7 +54,7 @@ from skyway_gateway.proofs import store as proof_store
 
 
 def reading_routes(
-    context: Context, *, composition: Composition, stream: EventStream, slots: Slots
+    context: Context, *, composition: DeliveryComposition, stream: EventStream, slots: Slots
 ) -> ServiceRouter:
     """GET /v1/deliveries and all below it, and /v1/providers/{provider_id}/deliveries."""
     router = ServiceRouter(tags=("deliveries",))
@@ -110,7 +110,7 @@ def _add_lists(router: ServiceRouter, db: Database) -> None:
         )
 
 
-def _add_details(router: ServiceRouter, db: Database, composition: Composition) -> None:
+def _add_details(router: ServiceRouter, db: Database, composition: DeliveryComposition) -> None:
     @router.get("/v1/deliveries/{delivery_id}")
     async def get_delivery(delivery_id: DeliveryId, caller: KeyCaller) -> ShownDelivery:
         """Show a delivery with its packages, missions and people.

@@ -63,7 +63,7 @@ from skyway_gateway.deliveries.records.delivery_rows import (
     request_values,
     stored_of,
 )
-from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
+from skyway_gateway.delivery_tables import custody, deliveries, is_live_row, missions, packages
 
 # Statements that every delivery runs are built once: building one takes as long as running it.
 
@@ -200,14 +200,20 @@ async def note_cancelling(tx: Tx, delivery_id: DeliveryId, *, reason: str) -> No
 async def overdue(
     connection: AsyncConnection, *, before: datetime, limit: int
 ) -> Sequence[DeliveryId]:
-    """Deliveries without the delayed flag that have a package with an ETA before this moment."""
+    """Deliveries without the delayed flag that have a package with an ETA before this moment.
+
+    Test deliveries are not overdue: the sandbox plays them faster than their plans.
+    """
     is_overdue = exists().where(
         packages.c.delivery_id == deliveries.c.delivery_id,
         packages.c.eta_ms < moment_to_ms(before),
         packages.c.state.not_in(SETTLED_PACKAGE_STATES),
     )
     statement = select(deliveries.c.delivery_id).where(
-        deliveries.c.state.in_(UNDER_WAY_STATES), ~deliveries.c.is_delayed, is_overdue
+        deliveries.c.state.in_(UNDER_WAY_STATES),
+        ~deliveries.c.is_delayed,
+        is_overdue,
+        is_live_row(deliveries.c.customer_id),
     )
     found = await connection.execute(statement.order_by(deliveries.c.delivery_id).limit(limit))
     return [DeliveryId(delivery_id) for delivery_id in found.scalars()]

@@ -14,7 +14,7 @@ from skyway.contracts.mission import OfferHold, OfferLimits
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import SkywayError
 from skyway.geo import Position
-from skyway.ids import DeliveryId, SubjectId
+from skyway.ids import DeliveryId, SubjectId, kind_for
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.http.identity import Caller
@@ -224,7 +224,8 @@ class Acceptance:
         *,
         has_key: bool,
     ) -> Delivery:
-        now, delivery_id = self.clock.now(), DeliveryId(self.mint("dlv"))
+        now, kind = self.clock.now(), kind_for(caller.subject_id, "dlv")
+        delivery_id = DeliveryId(self.mint(kind))
         offer = None
         if isinstance(requested, OfferChoice):
             chosen = await accept_offer(

@@ -21,7 +21,7 @@ from skyway.runtime.errors import Conflict
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
-from skyway_gateway.clients import Composition
+from skyway_gateway.clients import DeliveryComposition
 from skyway_gateway.deliveries.lifecycle.booking_effects import (
     after_booking,
     after_cancellation,
@@ -77,7 +77,7 @@ class Canceller:
     """Cancels deliveries."""
 
     db: Database
-    composition: Composition
+    composition: DeliveryComposition
     writer: DeliveryWriter
     clock: FleetClock
     mint: Mint

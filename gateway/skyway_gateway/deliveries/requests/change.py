@@ -19,7 +19,7 @@ from skyway.runtime.errors import Conflict
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database, Tx
-from skyway_gateway.clients import Composition
+from skyway_gateway.clients import DeliveryComposition
 from skyway_gateway.deliveries.booking.run_bookings import books_from
 from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
@@ -65,7 +65,7 @@ class Changer:
 
     db: Database
     planner: ChangePlanner
-    composition: Composition
+    composition: DeliveryComposition
     writer: DeliveryWriter
     clock: FleetClock
     horizon: timedelta

@@ -42,6 +42,7 @@ from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller, CancelRequest
 from skyway_gateway.deliveries.requests.change import Changer, ErasedPersonalData
 from skyway_gateway.deliveries.requests.change_form import DeliveryChange
+from skyway_gateway.livemode import ByMode
 
 
 def _form(body: object) -> str:
@@ -71,7 +72,7 @@ def shedding(entrance: Admission, booking: BookingLoop, replicas: Membership) ->
 
 
 def delivery_routes(
-    *, acceptance: Acceptance, canceller: Canceller, changer: Changer
+    *, acceptances: ByMode[Acceptance], canceller: Canceller, changers: ByMode[Changer]
 ) -> ServiceRouter:
     """POST /v1/deliveries, and all calls that change a delivery."""
     router = ServiceRouter(tags=("deliveries",))
@@ -104,6 +105,7 @@ def delivery_routes(
         """
         # An operator has stranded packages collected.
         caller.must_be("customer", "operator")
+        acceptance = acceptances.of(caller.subject_id)
         with acceptance.booking.arriving():
             call = await keyed_call(request, caller, idempotency_key)
             answer = await acceptance.accept(caller, wanted, call)
@@ -127,11 +129,11 @@ def delivery_routes(
         cancelled = await canceller.cancel(caller, delivery_id, wanted or CancelRequest())
         return shown_to(caller, cancelled)
 
-    _add_changes(router, changer)
+    _add_changes(router, changers)
     return router
 
 
-def _add_changes(router: ServiceRouter, changer: Changer) -> None:
+def _add_changes(router: ServiceRouter, changers: ByMode[Changer]) -> None:
     @router.patch(
         "/v1/deliveries/{delivery_id}",
         responses=conflicts("CHANGED_MEANWHILE", "NO_OFFER", "SHARED_TRIP", "TOO_LATE"),
@@ -147,7 +149,7 @@ def _add_changes(router: ServiceRouter, changer: Changer) -> None:
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        return await changer.change(caller, delivery_id, wanted)
+        return await changers.of(caller.subject_id).change(caller, delivery_id, wanted)
 
     @router.delete("/v1/deliveries/{delivery_id}/personal-data")
     async def erase_personal_data(delivery_id: DeliveryId, caller: KeyCaller) -> ErasedPersonalData:
@@ -156,7 +158,7 @@ def _add_changes(router: ServiceRouter, changer: Changer) -> None:
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        return await changer.erase(caller, delivery_id)
+        return await changers.of(caller.subject_id).erase(caller, delivery_id)
 
 
 def report_routes(*, gate: ServiceGate, applier: ReportApplier) -> ServiceRouter:

@@ -380,7 +380,7 @@ async def test_a_delivery_that_this_process_books_is_claimed_when_it_is_added(
         begin=handed.append,
         note_accepted=lambda: accepted.append(None),
     )
-    acceptance = replace(gateway.parts.acceptance, booking=booking)
+    acceptance = replace(gateway.parts.acceptances.live, booking=booking)
 
     for _ in range(2):  # the second call repeats the first
         await acceptance.accept(
