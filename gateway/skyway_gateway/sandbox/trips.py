@@ -171,7 +171,6 @@ def _plan(request: DeliveryRequest, model: DroneModel, start_at: datetime) -> Pl
     return Plan(
         status=PlanStatus.FEASIBLE,
         delivery_time_s=time_s,
-        lower_bound_s=0.0,
         energy_j=sum(each.energy_j for each in flown),
         flight_s=sum(each.end_s - each.start_s for each in flown),
         waiting_s=sum(each.end_s - each.start_s for each in steps if isinstance(each, Wait)),
