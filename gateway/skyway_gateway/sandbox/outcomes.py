@@ -8,7 +8,15 @@ from skyway.errors import InvalidInput
 from skyway.ids import TEST_PREFIX, StationId
 
 OutcomeName = Literal[
-    "delivered", "late", "undeliverable", "stranded", "refused", "withdrawn", "weather", "busy"
+    "delivered",
+    "late",
+    "undeliverable",
+    "wrong_pin",
+    "stranded",
+    "refused",
+    "withdrawn",
+    "weather",
+    "busy",
 ]
 
 
@@ -47,6 +55,12 @@ OUTCOMES: Final = (
         "Empty House",
         "FAILED",
         "Nobody is at the destination: the packages come back to the pickup.",
+    ),
+    _outcome(
+        "wrong_pin",
+        "Keypad Corner",
+        "FAILED",
+        "Somebody types five wrong PINs at the drone, so packages that need a PIN come back.",
     ),
     _outcome(
         "stranded",

@@ -7,6 +7,7 @@ nothing. So two replicas may play the same mission.
 
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
+from datetime import timedelta
 from typing import Final
 
 from skyway.contracts.mission_reports import MissionReport
@@ -15,7 +16,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.sql.database import Database
 from skyway_gateway.sandbox import store
-from skyway_gateway.sandbox.sandbox_composition import PACE
+from skyway_gateway.sandbox.sandbox_composition import PACE, PROOF_WAIT
 from skyway_gateway.sandbox.store import SandboxMission
 
 #: Missions of one step.
@@ -44,7 +45,7 @@ class Player:
             if before is None:
                 return
             now = replace(before, played=min(before.played + 1, len(before.reports)))
-            await store.save(tx, now, next_at=self.clock.wall_now() + PACE)
+            await store.save(tx, now, next_at=self.clock.wall_now() + _pause_after(now))
         if await self._applied(now) and before.is_over:
             async with self.db.write() as tx:
                 last = await store.locked(tx, mission_id)
@@ -65,3 +66,10 @@ class Player:
         except Conflict:
             return False  # the booking is not written yet
         return True
+
+
+def _pause_after(now: SandboxMission) -> timedelta:
+    """How long after the last report the next one comes, wall time."""
+    last, *following = now.reports[now.played - 1 :]
+    goes_on = bool(following) and following[0].kind == "PIN_ENTERED"
+    return PROOF_WAIT if last.kind == "PROOF_AWAITED" and not goes_on else PACE

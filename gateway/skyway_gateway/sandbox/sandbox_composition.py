@@ -22,7 +22,7 @@ from skyway.contracts.mission import (
 from skyway.contracts.quote import KeepOffer, KeptOffer, QuoteAnswer, QuoteQuery
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
-from skyway.ids import DeliveryId, HoldId, MissionId, StationId
+from skyway.ids import DeliveryId, HoldId, MissionId, PackageId, StationId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.minting import Mint
@@ -30,7 +30,7 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.sandbox import store
 from skyway_gateway.sandbox.network import NETWORK_ID, STATIONS
 from skyway_gateway.sandbox.outcomes import outcome_of
-from skyway_gateway.sandbox.script import cancelled, script_of
+from skyway_gateway.sandbox.script import AwaitedProofs, cancelled, proven, script_of
 from skyway_gateway.sandbox.store import SandboxMission
 from skyway_gateway.sandbox.track import track_of
 from skyway_gateway.sandbox.trips import ranked_trips
@@ -39,6 +39,9 @@ from skyway_gateway.sandbox.trips import ranked_trips
 #: accepted the mission, and the request can still be changed.
 PACE: Final = timedelta(seconds=0.5)
 _ACCEPTED_AFTER: Final = timedelta(seconds=1.5)
+
+#: How long a drone waits for proofs, wall time.
+PROOF_WAIT: Final = timedelta(seconds=60)
 
 #: A delivery in these states gets no mission any more.
 _OVER: Final = ("COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED")
@@ -115,7 +118,14 @@ class SandboxComposition:
             return Booking(outcome="INFEASIBLE", reasons=reasons)
         mission_id = MissionId(self.mint("msn_test"))
         mission = trips[0][1].mission(delivery_id, mission_id, attempt=requested.attempt)
-        booked = SandboxMission(mission, script_of(mission, outcome), played=0)
+        needs_proof = [
+            each.package_id
+            for each in requested.request.packages
+            if each.dropoff_verification is not None
+        ]
+        ends_at = max(mission.released_at, self.clock.now())
+        awaited = AwaitedProofs(needs_proof, ends_at + PROOF_WAIT * self.clock.rate)
+        booked = SandboxMission(mission, script_of(mission, outcome, awaited=awaited), played=0)
         await store.add(tx, booked, next_at=self.clock.wall_now() + _ACCEPTED_AFTER)
         return Booking(outcome="BOOKED", missions=(mission,))
 
@@ -152,6 +162,17 @@ class SandboxComposition:
             returning=(*done.returning, *more.returning),
             too_late=(*done.too_late, *more.too_late),
         )
+
+    async def take_proof(self, tx: Tx, delivery_id: DeliveryId, package_id: PackageId) -> None:
+        """Let the drone that waits hand a package over; a repeated call changes nothing."""
+        for each in await store.of_delivery(tx.connection, delivery_id):
+            now = await store.locked(tx, each.mission.mission_id)
+            if now is None:
+                continue
+            reports = proven(now.mission, now.reports, now.played, package_id)
+            if reports != now.reports:
+                changed = SandboxMission(now.mission, reports, now.played)
+                await store.save(tx, changed, next_at=self.clock.wall_now() + PACE)
 
     async def withdraw(self, delivery_id: DeliveryId, requested: WithdrawMissions) -> None:
         """Give up a mission that its drone has not accepted; a repeated call changes nothing.

@@ -5,13 +5,14 @@ usually lie ahead of fleet time.
 """
 
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any, Final, Literal
 
 from skyway.contracts.mission import Cancellation, Mission, MissionState, PackageEta
 from skyway.contracts.mission_reports import MissionReport
 from skyway.delivery.plan import Deliver, PickUp
-from skyway.ids import PackageId
+from skyway.ids import PackageId, StationId
 from skyway_gateway.sandbox.network import HUB, STATIONS
 from skyway_gateway.sandbox.outcomes import OutcomeName
 
@@ -20,6 +21,11 @@ LATE_BY: Final = timedelta(hours=1)
 
 #: What a mission comes to: the outcome of its delivery, or the customer changes the request.
 Ending = OutcomeName | Literal["changed"]
+
+#: What somebody types at the drone who does not know the PIN.
+_WRONG_PIN: Final = "00000000"
+#: After so many wrong PINs only the customer can give the proof.
+_WRONG_PINS: Final = 5
 
 _ABSENT: Final = ("RECIPIENT_ABSENT", "nobody was at the destination")
 #: How a mission ends that never leaves the pickup: kind, state, code and detail of its last report.
@@ -34,9 +40,19 @@ _EARLY_ENDS: Final[dict[Ending, tuple[str, MissionState, str, str]]] = {
 _Members = dict[str, Any]
 
 
-def script_of(mission: Mission, outcome: Ending) -> tuple[MissionReport, ...]:
-    """The reports of a mission in their order."""
-    members = tuple(_members(mission, outcome))
+@dataclass(frozen=True, slots=True)
+class AwaitedProofs:
+    """The packages that are handed over only with a proof, and until when the drone waits."""
+
+    package_ids: Collection[PackageId]
+    until_at: datetime
+
+
+def script_of(
+    mission: Mission, outcome: Ending, *, awaited: AwaitedProofs | None = None
+) -> tuple[MissionReport, ...]:
+    """The reports of a mission in their order, if nobody gives a proof."""
+    members = tuple(_members(mission, outcome, awaited))
     return tuple(_report(mission, number, each) for number, each in enumerate(members, start=1))
 
 
@@ -57,7 +73,9 @@ def _report(mission: Mission, seq: int, members: _Members) -> MissionReport:
     )
 
 
-def _members(mission: Mission, outcome: Ending) -> Iterator[_Members]:
+def _members(
+    mission: Mission, outcome: Ending, awaited: AwaitedProofs | None
+) -> Iterator[_Members]:
     is_first = mission.attempt == 1
     early = _EARLY_ENDS.get(outcome) if is_first or outcome in ("weather", "changed") else None
     if early is None or early[0] == "ENDED":
@@ -72,10 +90,12 @@ def _members(mission: Mission, outcome: Ending) -> Iterator[_Members]:
     yield {"kind": "LOADING", "at": mission.start_at, **here}
     yield {"kind": "LOADED", "at": loaded_at, "package_ids": pickup.package_ids, **here}
     yield {"kind": "ACTIVITY", "at": loaded_at, "activity": "FLYING", **here}
-    yield from _hand_overs(mission, outcome, loaded_at)
+    yield from _hand_overs(mission, outcome, loaded_at, awaited)
 
 
-def _hand_overs(mission: Mission, outcome: Ending, loaded_at: datetime) -> Iterator[_Members]:
+def _hand_overs(
+    mission: Mission, outcome: Ending, loaded_at: datetime, awaited: AwaitedProofs | None
+) -> Iterator[_Members]:
     package_ids = tuple(each.package_id for each in mission.packages)
     if outcome == "stranded":
         detail = "the drone had to land on the way"
@@ -91,24 +111,47 @@ def _hand_overs(mission: Mission, outcome: Ending, loaded_at: datetime) -> Itera
         ]
         yield {"kind": "ACTIVITY", "at": loaded_at, "activity": "WAITING", "etas": etas}
     last_at = _moment(mission, mission.plan.delivery_time_s or 0.0) + late_by
+    is_locked = outcome == "wrong_pin"
     if outcome == "undeliverable":
         yield from _returning(mission, package_ids, last_at, _ABSENT)
     else:
         for step in mission.plan.steps:
             if isinstance(step, Deliver):
                 at = _moment(mission, step.end_s) + late_by
-                yield _delivered(step, at)
+                yield from _hand_over(mission, step, at, awaited, has_wrong_pins=is_locked)
     yield _completed(last_at)
 
 
-def _delivered(step: Deliver, at: datetime) -> _Members:
-    place = {"position": list(STATIONS[step.station_id].position)}
+def _hand_over(
+    mission: Mission,
+    step: Deliver,
+    at: datetime,
+    awaited: AwaitedProofs | None,
+    *,
+    has_wrong_pins: bool,
+) -> Iterator[_Members]:
+    """What needs no proof is delivered; for the rest the drone waits, and brings it back."""
+    proven = () if awaited is None else awaited.package_ids
+    free = tuple(each for each in step.package_ids if each not in proven)
+    if free:
+        yield _delivered(step.station_id, free, at)
+    waiting = tuple(each for each in step.package_ids if each in proven)
+    if awaited is None or not waiting:
+        return
+    named = {"at": at, "station_id": step.station_id, "package_ids": waiting}
+    yield {"kind": "PROOF_AWAITED", "until_at": awaited.until_at} | named
+    if has_wrong_pins:
+        yield from [{"kind": "PIN_ENTERED", "pin": _WRONG_PIN} | named] * _WRONG_PINS
+    yield from _returning(mission, waiting, at, _ABSENT)
+
+
+def _delivered(station_id: StationId, package_ids: Collection[PackageId], at: datetime) -> _Members:
     return {
         "kind": "DELIVERED",
         "at": at,
-        "station_id": step.station_id,
-        "package_ids": step.package_ids,
-        "data": {"place": place},
+        "station_id": station_id,
+        "package_ids": tuple(package_ids),
+        "data": {"place": {"position": list(STATIONS[station_id].position)}},
     }
 
 
@@ -169,6 +212,26 @@ def cancelled(
         too_late=tuple(each for each in on_board if each in over),
     )
     return (*past, *new), done
+
+
+def proven(
+    mission: Mission, reports: Sequence[MissionReport], played: int, package_id: PackageId
+) -> tuple[MissionReport, ...]:
+    """The reports from now on if the drone that waits hands this package over.
+
+    `played` reports have happened. A repeated proof changes nothing.
+    """
+    past, future = reports[:played], reports[played:]
+    waits = [
+        each for each in past if each.kind == "PROOF_AWAITED" and package_id in each.package_ids
+    ]
+    if not waits or package_id not in _named(future, "RETURNED"):
+        return tuple(reports)
+    station_id = waits[-1].station_id or mission.pickup_station_id
+    done = _delivered(station_id, [package_id], waits[-1].at)
+    rest = [done, *_without(future, {package_id})]
+    new = (_report(mission, played + number, each) for number, each in enumerate(rest, start=1))
+    return (*past, *new)
 
 
 def _named(reports: Sequence[MissionReport], *kinds: str) -> set[PackageId]:

@@ -3,6 +3,8 @@
 from datetime import timedelta
 from typing import Any
 
+from skyway_gateway.sandbox.outcomes import Outcome
+
 from tests.gateway.whole_gateway import Gateway
 
 #: How many reports a mission has at most, here.
@@ -21,6 +23,14 @@ def sandbox_request(destination: str = "library", **changes: Any) -> dict[str, A
     """A request for one package from the harbour of the sandbox."""
     package = {"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": destination}}
     return {"pickup": {"station_id": "harbour"}, "packages": [package], **changes}
+
+
+def request_for(outcome: Outcome, **changes: Any) -> dict[str, Any]:
+    """A request for which this outcome is possible: a wrong PIN needs a right one."""
+    body = sandbox_request(**changes)
+    if outcome.name == "wrong_pin":
+        body["packages"][0]["dropoff_verification"] = {"method": "PIN", "pin": "4711"}
+    return body
 
 
 async def accepted(gateway: Gateway, headers: dict[str, str], body: dict[str, Any]) -> str:

@@ -5,7 +5,12 @@ from pathlib import Path
 import pytest
 from skyway_gateway.sandbox.outcomes import OUTCOMES, Outcome
 
-from tests.gateway.sandbox.played import accepted, played, sandbox_caller, sandbox_request
+from tests.gateway.sandbox.played import (
+    accepted,
+    played,
+    request_for,
+    sandbox_caller,
+)
 from tests.gateway.whole_gateway import Gateway
 
 _QUICK = [each for each in OUTCOMES if each.name != "busy"]
@@ -14,7 +19,7 @@ _QUICK = [each for each in OUTCOMES if each.name != "busy"]
 @pytest.mark.parametrize("outcome", _QUICK, ids=lambda each: each.name)
 async def test_a_reference_forces_its_outcome(gateway: Gateway, outcome: Outcome) -> None:
     headers = await sandbox_caller(gateway)
-    body = sandbox_request(reference=outcome.reference)
+    body = request_for(outcome, reference=outcome.reference)
 
     delivery_id = await accepted(gateway, headers, body)
 

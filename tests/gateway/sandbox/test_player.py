@@ -13,6 +13,7 @@ from skyway.contracts.mission_reports import MissionReport
 from tests.gateway.sandbox.played import (
     accepted,
     played,
+    request_for,
     sandbox_caller,
     sandbox_request,
     shown,
@@ -26,7 +27,7 @@ async def test_a_station_forces_its_outcome_too(gateway: Gateway, outcome: Outco
     headers = await sandbox_caller(gateway)
     now = gateway.clock.now() + timedelta(minutes=20)
     qos = {"deadline_at": now.isoformat()} if outcome.name == "busy" else {}
-    body = sandbox_request(outcome.station_id, qos=qos)
+    body = request_for(outcome, destination=outcome.station_id, qos=qos)
     delivery_id = await accepted(gateway, headers, body)
     if outcome.name == "busy":
         await step(gateway)

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from skyway.contracts.mission import GivenProof
 from skyway.errors import InvalidInput
-from skyway.ids import DeliveryId, PackageId
+from skyway.ids import DeliveryId, PackageId, is_live_id
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound
@@ -29,6 +29,7 @@ from skyway_gateway.proofs.verification import (
     DropoffProof,
     GivenBy,
 )
+from skyway_gateway.sandbox.sandbox_composition import SandboxComposition
 
 #: What may be typed as a PIN: a wrong one may be shorter than a right one.
 _Typed = Annotated[str, Field(min_length=1, max_length=8, pattern=r"^[0-9]+$")]
@@ -60,6 +61,7 @@ class ProofTaker:
     db: Database
     clock: FleetClock
     kept: timedelta
+    sandbox: SandboxComposition
 
     async def type_in(self, delivery_id: DeliveryId, typed: TypedProof) -> None:
         """Take what a recipient has typed or signed on the tracking page.
@@ -146,7 +148,7 @@ class ProofTaker:
         proofs = await store.of_delivery(tx.connection, delivery.delivery_id)
         for package_id in waiting:
             if package_id in proofs and proofs[package_id].given_at is not None:
-                _tell(tx, (delivery.delivery_id, package_id))
+                await self._tell(tx, (delivery.delivery_id, package_id))
 
     def _awaiting(self, packages: Iterable[PackageStatus]) -> Iterable[PackageStatus]:
         now = self.clock.now()
@@ -197,18 +199,20 @@ class ProofTaker:
             has_photo=has_photo,
         )
         if is_first:
-            _tell(tx, key)
+            await self._tell(tx, key)
+
+    async def _tell(self, tx: Tx, key: store.PackageKey) -> None:
+        delivery_id, package_id = key
+        if not is_live_id(delivery_id):
+            await self.sandbox.take_proof(tx, delivery_id, package_id)
+            return
+        path = PROOFS_PATH.format(delivery_id=delivery_id)
+        tx.report("composition", path, GivenProof(package_id=package_id), stream=delivery_id)
 
 
 _LOCKED: Final = (
     f"{MOST_WRONG_PINS} wrong PINs were typed: only the sender can confirm the hand-over now"
 )
-
-
-def _tell(tx: Tx, key: store.PackageKey) -> None:
-    delivery_id, package_id = key
-    path = PROOFS_PATH.format(delivery_id=delivery_id)
-    tx.report("composition", path, GivenProof(package_id=package_id), stream=delivery_id)
 
 
 def _is_same(typed: str, pin: str | None) -> bool:

@@ -41,6 +41,9 @@ from skyway_gateway.proofs import store as proofs
 #: How often a change is planned again because the delivery was booked or changed meanwhile.
 _MOST_ATTEMPTS: Final = 3
 
+#: In these states no drone may have its mission yet: composition knows.
+_MAY_CHANGE: Final = ("SCHEDULED", "REQUESTED", "PLANNED", "DISPATCHED")
+
 
 class ErasedPersonalData(JsonModel):
     """What a customer erased; what was erased is lost."""
@@ -102,6 +105,8 @@ class Changer:
                 seen = await delivery_store.one_of(connection, caller, delivery_id)
             _require_in_time(seen, requested)
             planned = await self.planner.plan(caller, seen, requested)
+            if planned.names and seen.state not in _MAY_CHANGE:
+                raise Conflict("TOO_LATE", f"it cannot be flown in another way: it is {seen.state}")
             if planned.names and not requested.dry_run and seen.state != "SCHEDULED":
                 withdrawn = WithdrawMissions(attempt=seen.attempt)
                 await self.composition.withdraw(delivery_id, withdrawn)
