@@ -100,7 +100,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             ),
             earnings_routes(context, reporting=parts.reporting),
             live_routes(feed=parts.live, slots=parts.streams, meters=parts.meters),
-            proof_routes(db, taker=parts.proofs, photos=parts.photos),
+            proof_routes(db, proofs=parts.proofs, photos=parts.photos),
             upload_routes(photos=parts.photos, uploads=parts.uploads, meters=parts.meters),
             link_routes(context, links=parts.links),
             page_routes(

@@ -30,8 +30,8 @@ from skyway_gateway.console.console_files import BaseMap
 from skyway_gateway.console.system_routes import SmallWorld
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.booking.wake_waiting import Waker
+from skyway_gateway.deliveries.proving.accept_proof import ProofAcceptance
 from skyway_gateway.deliveries.proving.photos import Photos
-from skyway_gateway.deliveries.proving.take_proof import ProofTaker
 from skyway_gateway.deliveries.records.delivery_rows import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
@@ -113,7 +113,7 @@ def build_parts(
     public_url = str(settings.public_url)
     links = TrackingLinks(settings.secrets_dir, public_url)
     kept = timedelta(days=settings.proof_days)
-    proofs = ProofTaker(db, clock, kept, SandboxComposition(db, clock, mint))
+    proofs = ProofAcceptance(db, clock, kept, SandboxComposition(db, clock, mint))
     streams = Slots("STREAMS", settings.streams_per_tenant)
     cached_sessions = CachedKeys(db, clock, session_store.shown)
     all_keys = AllKeys(cached_keys, cached_sessions, DroneKeys(registry), KeysInUse(db, clock))

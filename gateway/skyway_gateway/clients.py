@@ -55,7 +55,7 @@ _TOO_LATE: Final = ("NOT_AWAITED", "MISSION_OVER")
 #: Where composition is asked to cancel packages.
 CANCELLATIONS_PATH: Final = "/internal/deliveries/{delivery_id}/cancellations"
 
-#: Where composition is told that the proof of a package is there.
+#: Where composition is notified that the proof of a package is there.
 PROOFS_PATH: Final = "/internal/deliveries/{delivery_id}/proofs"
 
 
@@ -344,5 +344,5 @@ class DeliveryReports:
         except RemoteProblem as refusal:
             if not path.endswith("/proofs") or refusal.problem.get("code") not in _TOO_LATE:
                 raise
-            # A drone that waits again is told again.
+            # Composition is notified again when a drone waits again.
             log.info("proof came too late", extra={"delivery_id": delivery_id})

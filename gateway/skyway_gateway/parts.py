@@ -31,8 +31,8 @@ from skyway_gateway.deliveries.apply_reports import OverdueNotifier, ReportAppli
 from skyway_gateway.deliveries.booking.book import Booker
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop, ScheduleOpener
 from skyway_gateway.deliveries.booking.wake_waiting import Waker
+from skyway_gateway.deliveries.proving.accept_proof import ProofAcceptance
 from skyway_gateway.deliveries.proving.photos import Photos
-from skyway_gateway.deliveries.proving.take_proof import ProofTaker
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
@@ -112,7 +112,7 @@ class Parts:
     hold_limits: HoldLimits
     quota: DeliveryQuota
     personal_kept: timedelta
-    proofs: ProofTaker
+    proofs: ProofAcceptance
     photos: Photos
     uploads: UploadLinks
     webhook_quota: WebhookQuota
@@ -214,7 +214,7 @@ class Parts:
         freed = self.waker.note_change_around
         learn = partial(self.booking.learn, self.booker)
         return ReportApplier(
-            self.db, self.writer, self.clock, self.booking.queued, freed, learn, self.proofs
+            self.db, self.writer, self.clock, self.booking.queued, freed, learn, self.proofs.follow
         )
 
     @property

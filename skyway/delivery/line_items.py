@@ -30,8 +30,8 @@ class LineItem(JsonModel):
         Field(
             description="BASE, DISTANCE, MASS, RECHARGING: by the tariff. MINIMUM: up to the least "
             "price. PRIORITY: on top, for the class. POOLED: off, for a shared trip. CANCELLATION, "
-            "FAILURE, LATENESS: given back for what was cancelled, failed, or late. WAITING: "
-            "on top, for a drone that waited for the proof of a hand-over."
+            "FAILURE, LATENESS: given back for what was cancelled, not delivered, or late. "
+            "WAITING: on top, for a drone that waited for the proof of a hand-over."
         ),
     ]
     amount: Annotated[

@@ -25,7 +25,6 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.package_changes import TOLERANCE_S, when_overdue
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.lifecycle.report_effects import after_report
-from skyway_gateway.deliveries.proving.take_proof import ProofTaker
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.delivery_rows import Outdated, StoredDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter, report_cancellation
@@ -53,7 +52,8 @@ class ReportApplier:
     freed: Callable[[StationId], None]
     #: Writes what composition has booked for a delivery; False if nothing could be learnt now.
     learn: Callable[[DeliveryId], Awaitable[bool]]
-    proofs: ProofTaker
+    #: Does what a report about proofs asks for, of a locked delivery.
+    follow_proofs: Callable[[Tx, Delivery, MissionReport], Awaitable[None]]
 
     async def apply(self, report: MissionReport) -> None:
         """Apply a report; a report that was applied before changes nothing.
@@ -125,14 +125,9 @@ class ReportApplier:
                 raise Conflict("NOT_YET", f"report {report.seq} comes before {last + 1}")
             elif report.seq == last + 1:
                 self._apply(tx, now, report)
-                await self._follow_proofs(tx, now.delivery, report)
+                if report.kind in _ABOUT_PROOFS:
+                    await self.follow_proofs(tx, now.delivery, report)
         return True
-
-    async def _follow_proofs(self, tx: Tx, delivery: Delivery, report: MissionReport) -> None:
-        if report.kind == "PROOF_AWAITED":
-            await self.proofs.tell_again(tx, delivery, report.package_ids)
-        elif report.kind == "PIN_ENTERED" and report.pin is not None:
-            await self.proofs.type_at_box(tx, delivery, report.package_ids, pin=report.pin)
 
     def _apply(self, tx: Tx, stored: StoredDelivery, report: MissionReport) -> None:
         progress = after_report(stored.delivery, report, host_delay=host_delay(self.clock))

@@ -112,7 +112,7 @@ class DropoffProof(JsonModel):
         return self.wrong_pins >= MOST_WRONG_PINS
 
     @property
-    def for_strangers(self) -> "DropoffProof":
+    def without_pin(self) -> "DropoffProof":
         """The proof without its PIN."""
         return self.model_copy(update={"pin": None})
 

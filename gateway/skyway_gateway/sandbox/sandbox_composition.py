@@ -163,7 +163,7 @@ class SandboxComposition:
             too_late=(*done.too_late, *more.too_late),
         )
 
-    async def take_proof(self, tx: Tx, delivery_id: DeliveryId, package_id: PackageId) -> None:
+    async def accept_proof(self, tx: Tx, delivery_id: DeliveryId, package_id: PackageId) -> None:
         """Let the drone that waits hand a package over; a repeated call changes nothing."""
         for each in await store.of_delivery(tx.connection, delivery_id):
             now = await store.locked(tx, each.mission.mission_id)

@@ -17,13 +17,13 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.limits import Budget, Meter, Slots
+from skyway.runtime.limits import Slots
 from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.context import Context
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.deliveries.proving.accept_proof import ProofAcceptance, TypedProof
 from skyway_gateway.deliveries.proving.photos import Photos
 from skyway_gateway.deliveries.proving.routes import picture_answer
-from skyway_gateway.deliveries.proving.take_proof import ProofTaker, TypedProof
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.scope import Scope
@@ -95,9 +95,6 @@ def link_routes(context: Context, *, links: TrackingLinks) -> ServiceRouter:
     return router
 
 
-#: What is typed and signed on the page of one delivery, however many people have its link.
-_TRIES: Final = Budget("PROOF_TRIES", per_s=0.5, burst=20)
-
 #: No other host, no script in the page, no frame around it, and no search engine.
 _PAGE_HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
@@ -120,7 +117,7 @@ def page_routes(
     feed: LiveFeed,
     slots: Slots,
     meters: Meters,
-    proofs: ProofTaker,
+    proofs: ProofAcceptance,
     photos: Photos,
 ) -> ServiceRouter:
     """Everything below /track/{delivery_id}/{token}."""
@@ -152,16 +149,13 @@ def page_routes(
         """What the page shows."""
         return await pages.state_of(await delivery_of(request, (delivery_id, token)))
 
-    tries = Meter(_TRIES)
-
     @router.post(f"{path}/proof", status_code=204)
     async def give_proof(
         request: Request, delivery_id: DeliveryId, token: str, typed: TypedProof
     ) -> Response:
-        """Take the PIN or the signature of a recipient."""
+        """Accept the PIN or the signature of a recipient."""
         await delivery_of(request, (delivery_id, token))
-        tries.spend(delivery_id)
-        await proofs.type_in(delivery_id, typed)
+        await proofs.accept_typed(delivery_id, typed)
         return Response(status_code=204)
 
     @router.get(f"{path}/packages/{{package_id}}/picture")

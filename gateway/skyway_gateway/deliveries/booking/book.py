@@ -155,9 +155,11 @@ class Booker:
 
     async def _ask(self, queued: QueuedDelivery, requested: BookMissions) -> Booking:
         asked_at, delivery_id = self.clock.wall_now(), queued.delivery.delivery_id
-        # Only this question has the addresses of photos: they are secrets.
-        request = self.uploads.added_to(requested.request, delivery_id)
-        asked = requested.model_copy(update={"request": request})
+        asked = requested
+        if asked.request.needs_proof:
+            # Only this question has the addresses of photos: they are secrets.
+            request = self.uploads.added_to(asked.request, delivery_id)
+            asked = asked.model_copy(update={"request": request})
         try:
             return await self.composition.book(delivery_id, asked)
         except ServiceUnavailable as trouble:

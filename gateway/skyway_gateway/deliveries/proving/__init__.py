@@ -1,5 +1,5 @@
 """Proofs of hand-overs are given here: typed, signed, uploaded, or said by the customer.
 
-`take_proof` decides and stores, `photos` keeps and erases photos, and `routes` are for customers,
+`accept_proof` decides and stores, `photos` keeps and erases photos, and `routes` are for customers,
 providers, operators and drones. People give proof on the tracking page.
 """

@@ -12,7 +12,7 @@ from skyway.errors import InvalidInput
 from skyway.ids import DeliveryId, PackageId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
-from skyway_gateway.deliveries.proving.take_proof import ProofTaker
+from skyway_gateway.deliveries.proving.accept_proof import ProofAcceptance
 from skyway_gateway.proofs import store as proof_store
 from skyway_gateway.proofs.photo import cleaned
 from skyway_gateway.proofs.photo_store import PhotoStore
@@ -29,7 +29,7 @@ class Photos:
     db: Database
     clock: FleetClock
     store: PhotoStore | None
-    taker: ProofTaker
+    proofs: ProofAcceptance
     _turns: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(_DECODED_AT_ONCE))
 
     def require_store(self, field_name: str) -> PhotoStore:
@@ -44,7 +44,7 @@ class Photos:
             raise InvalidInput(field_name, "must not be PHOTO: this deployment keeps no photos")
         return self.store
 
-    async def take(self, delivery_id: DeliveryId, package_id: PackageId, raw: bytes) -> None:
+    async def accept(self, delivery_id: DeliveryId, package_id: PackageId, raw: bytes) -> None:
         """Keep the photo that a drone has uploaded, and take it as the proof.
 
         Raises
@@ -52,16 +52,16 @@ class Photos:
         InvalidInput
             It is no photo, or is too large.
         NotFound, Conflict
-            As `ProofTaker.take_photo`.
+            As `ProofAcceptance.accept_photo`.
         ServiceUnavailable
             The store does not answer.
         """
-        if not await self.taker.must_await_photo(delivery_id, package_id):
+        if not await self.proofs.must_await_photo(delivery_id, package_id):
             return
         async with self._turns:
             photo = await asyncio.to_thread(cleaned, raw)
         await self.require_store("method").put(delivery_id, package_id, photo)
-        await self.taker.take_photo(delivery_id, package_id)
+        await self.proofs.accept_photo(delivery_id, package_id)
 
     async def picture_of(self, key: PackageKey) -> tuple[bytes, str] | None:
         """The picture of a proof and its media type; None without one."""

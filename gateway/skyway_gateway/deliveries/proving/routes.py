@@ -4,7 +4,6 @@ from typing import Annotated, Final
 
 from fastapi import Request, Response
 from pydantic import Field
-from sqlalchemy.ext.asyncio import AsyncConnection
 from starlette.exceptions import HTTPException
 
 from skyway.ids import DeliveryId, PackageId
@@ -16,8 +15,8 @@ from skyway.runtime.http.service_router import ServiceRouter, takes_bytes
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.deliveries.proving.accept_proof import ProofAcceptance
 from skyway_gateway.deliveries.proving.photos import Photos
-from skyway_gateway.deliveries.proving.take_proof import ProofTaker
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.proofs import store
 from skyway_gateway.proofs.photo import MEDIA_TYPES, MOST_BYTES
@@ -66,7 +65,7 @@ async def picture_answer(photos: Photos, key: PackageKey) -> Response:
     return Response(found[0], media_type=found[1], headers=_PICTURE_HEADERS)
 
 
-def proof_routes(db: Database, *, taker: ProofTaker, photos: Photos) -> ServiceRouter:
+def proof_routes(db: Database, *, proofs: ProofAcceptance, photos: Photos) -> ServiceRouter:
     """Everything below /v1/deliveries/{delivery_id}/packages/{package_id}/proof."""
     router = ServiceRouter(tags=("deliveries",))
     path = "/v1/deliveries/{delivery_id}/packages/{package_id}/proof"
@@ -80,7 +79,7 @@ def proof_routes(db: Database, *, taker: ProofTaker, photos: Photos) -> ServiceR
         Callers: customer, provider, operator.
         """
         proof = await _proof_of(caller, delivery_id, package_id)
-        shown = proof.for_strangers if caller.role == "provider" else proof
+        shown = proof.without_pin if caller.role == "provider" else proof
         return ShownProof(package_id=package_id, **dict(shown))
 
     @router.get(f"{path}/picture", response_class=Response, responses=_PICTURE)
@@ -105,7 +104,7 @@ def proof_routes(db: Database, *, taker: ProofTaker, photos: Photos) -> ServiceR
         caller.must_be("customer", "operator")
         await _proof_of(caller, delivery_id, package_id)
         by: GivenBy = "CUSTOMER" if caller.role == "customer" else "OPERATOR"
-        await taker.vouch(delivery_id, package_id, by=by)
+        await proofs.vouch(delivery_id, package_id, by=by)
         proof = await _proof_of(caller, delivery_id, package_id)
         return ShownProof(package_id=package_id, **dict(proof))
 
@@ -114,28 +113,18 @@ def proof_routes(db: Database, *, taker: ProofTaker, photos: Photos) -> ServiceR
     ) -> DropoffProof:
         caller.must_be("customer", "provider", "operator")
         async with db.read() as connection:
-            await _require_concerned(connection, caller, delivery_id, package_id)
+            if caller.role == "provider":
+                delivery = (await delivery_store.read(connection, delivery_id)).delivery
+                if caller.subject_id != _flown_by(delivery, package_id):
+                    raise NotFound("delivery", delivery_id)
+            else:
+                await delivery_store.require_own(connection, caller, delivery_id)
             found = (await store.of_delivery(connection, delivery_id)).get(package_id)
         if found is None:
             raise NotFound("proof of package", package_id)
         return found
 
     return router
-
-
-async def _require_concerned(
-    connection: AsyncConnection,
-    caller: Caller,
-    delivery_id: DeliveryId,
-    package_id: PackageId,
-) -> None:
-    """Check that the delivery is the caller's, or that the provider flew the package."""
-    if caller.role != "provider":
-        await delivery_store.require_own(connection, caller, delivery_id)
-        return
-    delivery = (await delivery_store.read(connection, delivery_id)).delivery
-    if caller.subject_id != _flown_by(delivery, package_id):
-        raise NotFound("delivery", delivery_id)
 
 
 def _flown_by(delivery: Delivery, package_id: PackageId) -> str | None:
@@ -165,7 +154,7 @@ def upload_routes(*, photos: Photos, uploads: UploadLinks, meters: Meters) -> Se
         A JPEG, PNG or WebP of at most 2 MiB and 4096 by 4096 pixels. A second photo of the same
         package changes nothing.
 
-        Callers: whoever has the address.
+        Callers: anybody with the address.
         """
         key = uploads.package_of(token)
         if key is None:
@@ -175,7 +164,7 @@ def upload_routes(*, photos: Photos, uploads: UploadLinks, meters: Meters) -> Se
         if media_type not in MEDIA_TYPES:
             detail = f"the Content-Type must be one of {', '.join(MEDIA_TYPES)}; it is {media_type}"
             raise HTTPException(415, detail)
-        await photos.take(*key, await request.body())
+        await photos.accept(*key, await request.body())
         return Response(status_code=204)
 
     return router

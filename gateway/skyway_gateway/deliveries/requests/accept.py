@@ -258,6 +258,8 @@ class Acceptance:
 
     def _add_proofs(self, tx: Tx, delivery: Delivery, requested: NewDelivery | OfferChoice) -> None:
         """Add the proofs that are asked for. The PINs of an offer are made."""
+        if not delivery.request.needs_proof:
+            return
         asked = {
             each.package_id: CustomerVerification(method=planned.method)
             for each in delivery.request.packages

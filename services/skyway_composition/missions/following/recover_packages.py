@@ -16,7 +16,7 @@ from skyway.units import moment_to_ms
 from skyway_composition.alarm_store import is_open
 from skyway_composition.links.instruction_store import last_revision, open_instructions
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.following.advance import why_not_late_hand_over
+from skyway_composition.missions.following.advance import handed_over, why_not_late_hand_over
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
@@ -62,17 +62,22 @@ async def hold_and_unload(work: MissionUnitOfWork, ended: MissionRecord, state: 
 
 async def record_late_event(work: MissionUnitOfWork, link: DroneLink, event: DroneEvent) -> None:
     """Note where packages of a mission that is over here were returned or handed over."""
-    passes_packages = event.event == "STEP_ENDED" or event.code == "RECIPIENT_ABSENT"
+    passes_packages = event.event in ("STEP_ENDED", "STEP_FAILED")
     passes_packages &= event.step_kind in ("RETURN", "DELIVER")
     if event.mission_id is None or event.station_id is None or not passes_packages:
         return
     ended = await store.get(work.tx.connection, event.mission_id, provider_id=None)
     if ended is None or ended.is_live or ended.drone_id != link.drone_id:
         return
-    if event.step_kind == "RETURN":
+    if event.event == "STEP_FAILED":
+        step = handed_over(await _delivering_step(work, ended, event), event)
+        if step is not None:
+            await _record_late_hand_over(work, ended, event, step, station_id=event.station_id)
+    elif event.step_kind == "RETURN":
         await _record_late_return(work, ended, event, station_id=event.station_id)
     elif event.code != "CUT":
-        await _record_late_hand_over(work, ended, event, station_id=event.station_id)
+        step = await _delivering_step(work, ended, event)
+        await _record_late_hand_over(work, ended, event, step, station_id=event.station_id)
 
 
 async def _record_late_return(
@@ -89,14 +94,18 @@ async def _record_late_return(
 
 
 async def _record_late_hand_over(
-    work: MissionUnitOfWork, ended: MissionRecord, event: DroneEvent, *, station_id: StationId
+    work: MissionUnitOfWork,
+    ended: MissionRecord,
+    event: DroneEvent,
+    step: DeliverStep | None,
+    *,
+    station_id: StationId,
 ) -> None:
     """Note a delivery after its mission was given up, and raise an alarm.
 
     Custody changes only for packages that this mission has loaded and nobody has moved since, and
     not by a report that cannot be true.
     """
-    step = await _delivering_step(work, ended, event)
     reason = await why_not_late_hand_over(work, ended, step, event)
     if step is None or reason is not None:
         await _raise_not_believed(work, ended, event, reason)

@@ -7,6 +7,7 @@ from skyway.contracts.mission import ProofAnswer
 from skyway.ids import DeliveryId, PackageId
 from skyway.runtime.errors import Conflict
 from skyway_composition.context import Context
+from skyway_composition.missions.mission.end import is_disbelieved
 from skyway_composition.missions.mission.proof_store import Proof, last_proof, note_given
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, lock_mission
 
@@ -21,17 +22,20 @@ async def give_proof(
     Conflict
         NOT_AWAITED: no drone waits for this proof, or not any more. MISSION_OVER.
     """
+    over = Conflict(
+        "NOT_AWAITED", f"no drone waits for the proof of {package_id} of {delivery_id} now"
+    )
     async with context.db.write() as tx:
         proof = await last_proof(tx.connection, delivery_id, package_id)
         if proof is None:
-            detail = f"no drone waits for a proof of {package_id} of {delivery_id}"
-            raise Conflict("NOT_AWAITED", detail)
+            raise over
         if proof.given_at is None:
             work, record = await lock_mission(context, tx, proof.mission_id, provider_id=None)
             # Another call may have given the proof before this one had locked the mission.
             proof = await last_proof(tx.connection, delivery_id, package_id) or proof
         if proof.given_at is None:
-            await _refuse_if_over(work, proof)
+            if is_disbelieved(record) or not await _is_awaited(work, proof):
+                raise over
             await note_given(tx, proof, at_ms=context.now_ms)
             draft = partial(
                 HandOverInstruction,
@@ -44,10 +48,8 @@ async def give_proof(
         return ProofAnswer(until_at=proof.until_at)
 
 
-async def _refuse_if_over(work: MissionUnitOfWork, proof: Proof) -> None:
-    """Refuse a proof for which the drone waits no longer."""
+async def _is_awaited(work: MissionUnitOfWork, proof: Proof) -> bool:
+    """Whether the drone still waits for this proof, as far as we know."""
     steps = await work.steps.of(proof.mission_id)
     planned = {each.step.step_id for each in steps if each.status == "PLANNED"}
-    if work.clock.now() > proof.until_at or proof.step_id not in planned:
-        detail = f"the drone waited until {proof.until_at.isoformat()}, and waits no longer"
-        raise Conflict("NOT_AWAITED", detail)
+    return work.clock.now() <= proof.until_at and proof.step_id in planned

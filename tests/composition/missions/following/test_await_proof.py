@@ -1,5 +1,6 @@
 """A drone waits for the proofs of a hand-over; the gateway says which proofs are there."""
 
+import asyncio
 from datetime import timedelta
 from typing import Any
 
@@ -49,10 +50,10 @@ def said(drone: Any, event: str, instruction: Any, step: DeliverStep, **members:
     return drone.event(event, **about, **members)
 
 
-def gave_up(drone: Any, instruction: Any, step: DeliverStep) -> Any:
+def gave_up(drone: Any, instruction: Any, step: DeliverStep, **members: Any) -> Any:
     """The end of a wait after which only p2 was handed over."""
     evidence = {"load_before_kg": 0.8, "load_after_kg": 0.4}
-    done = {"code": "RECIPIENT_ABSENT", "package_ids": ("p2",), "data": evidence}
+    done = {"code": "RECIPIENT_ABSENT", "package_ids": ("p2",), "data": evidence, **members}
     return said(drone, "STEP_FAILED", instruction, step, **done)
 
 
@@ -98,14 +99,16 @@ async def test_the_drone_is_instructed_when_a_proof_is_there(
     assert sent.expires_at - step.planned_start_at > timedelta(seconds=299)
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_proof_that_is_given_again_is_not_sent_again(
     composition: Any, drone: Any, make: Any
 ) -> None:
     await awaited(composition, drone, make, "PIN")
 
-    answers = [await give(composition) for _ in range(2)]
+    answers = await asyncio.gather(*(give(composition) for _ in range(4)))
+    answers.append(await give(composition))
 
-    assert answers[0].json() == answers[1].json()
+    assert len({answer.text for answer in answers}) == 1
     assert [each.kind for each in await composition.sent()] == ["HAND_OVER"]
 
 
@@ -298,3 +301,34 @@ async def test_plans_and_steps_count_the_time_of_a_proof(
     assert step.planned_end_at - step.planned_start_at == timedelta(seconds=60)
     assert (step.dropoff_s, step.recipient_wait_s) == (30.0, 45.0)
     assert [(each.package_id, each.method) for each in step.verification] == [("p1", "PIN")]
+
+
+@pytest.mark.parametrize("done", [("p2",), ()], ids=["one proof", "no proof"])
+async def test_a_wait_that_ends_after_the_mission_was_given_up_delivers_what_is_proven(
+    composition: Any, drone: Any, make: Any, done: tuple[str, ...]
+) -> None:
+    instruction, step = await awaited(composition, drone, make, "PIN", "PIN")
+    await give(composition, "p2")
+    composition.clock.advance(timedelta(hours=48))
+    await composition.overdue.step()
+    path = f"/v1/missions/{instruction.mission_id}/commands"
+    command = {"command": "GIVE_UP", "reason": "nobody can find the drone"}
+    assert (await composition("operator:op", "POST", path, command)).is_success
+
+    ended = gave_up(drone, instruction, step, package_ids=done)
+    await composition.receive(ended)
+
+    recipients = "SELECT package_id FROM custody WHERE custodian_kind = 'RECIPIENT'"
+    assert [row.package_id for row in await composition.rows(recipients)] == [*done]
+    assert await composition.broken() == []
+
+
+async def test_a_drone_that_is_not_believed_gets_no_proof(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    instruction, step = await awaited(composition, drone, make, "PIN")
+    await composition.receive(*drone.ended(instruction, [step]))
+
+    answer = await give(composition)
+
+    assert (answer.status_code, answer.json()["code"]) == (409, "NOT_AWAITED")

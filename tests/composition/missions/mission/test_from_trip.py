@@ -2,10 +2,12 @@
 
 from typing import Any
 
+import pytest
 from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps
 
 from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, RechargeStep, WaitStep
 from skyway.delivery.plan import Deliver, Fly, PickUp, Recharge, Step, Wait
+from skyway.delivery.verification import PlannedVerification
 from skyway.ids import PackageId, StationId
 from skyway.network.geojson import read_network
 from skyway.scheduling.trip import PlacedStep
@@ -23,11 +25,11 @@ def fly(start: StationId, end: StationId, start_s: float, end_s: float) -> Fly:
     )
 
 
-def sent(make: Any, *steps: Step, first_step: int = 1) -> Any:
+def sent(make: Any, *steps: Step, first_step: int = 1, **terms: Any) -> Any:
     return flight_steps(
         read_network(make.network()),
         [PlacedStep(_START_MS, step) for step in steps],
-        terms=StepTerms(masses_kg={P1: 0.4}),
+        terms=StepTerms(masses_kg={P1: 0.4}, **terms),
         first_step=first_step,
     )
 
@@ -86,3 +88,42 @@ def test_hand_overs_name_the_packages_and_their_masses(make: Any) -> None:
     assert [(each.package_id, each.mass_kg) for each in pick_up.packages] == [("p1", 0.4)]
     assert wait.until_at == deliver.planned_start_at
     assert (deliver.package_ids, deliver.dropoff_s) == ((P1,), 30)
+
+
+@pytest.mark.parametrize(
+    ("wait_s", "proof_wait_s", "recipient_wait_s", "expected_s"),
+    [
+        (45, 0.0, 300.0, 45.0),
+        (None, 0.0, 300.0, 300.0),
+        (None, 0.0, 20.0, 60.0),
+        (45, 1e4, 9.0, 1e4),
+    ],
+    ids=["as asked", "as the network", "at least a minute", "on a fast clock"],
+)
+def test_a_drone_waits_for_a_proof_as_asked_but_long_enough_for_programs(
+    make: Any, wait_s: int | None, proof_wait_s: float, recipient_wait_s: float, expected_s: float
+) -> None:
+    asked = PlannedVerification(method="PHOTO", wait_s=wait_s, upload_path="/up/1")
+    hand_over = Deliver(station_id=B, package_ids=(P1,), start_s=0, end_s=60)
+
+    (step,) = sent(
+        make,
+        hand_over,
+        dropoff_s=30.0,
+        recipient_wait_s=recipient_wait_s,
+        proof_wait_s=proof_wait_s,
+        verified={P1: asked},
+    )
+
+    assert isinstance(step, DeliverStep)
+    assert (step.recipient_wait_s, step.dropoff_s) == (expected_s, 30.0)
+    assert [each.upload_path for each in step.verification] == ["/up/1"]
+
+
+def test_a_package_that_is_handed_back_needs_no_proof(make: Any) -> None:
+    asked = PlannedVerification(method="PIN")
+    back = Deliver(station_id=A, package_ids=(P1,), start_s=0, end_s=60)
+
+    (step,) = sent(make, back, verified={P1: asked}, returned=frozenset({P1}))
+
+    assert step.kind == "RETURN"

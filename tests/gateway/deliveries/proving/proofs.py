@@ -58,8 +58,8 @@ class Recipient:
         until_at = self.gateway.clock.now() + WAIT
         await self.report("PROOF_AWAITED", package_ids=package_ids or ("p1",), until_at=until_at)
 
-    async def told(self) -> list[str]:
-        """What composition is told about proofs."""
+    async def messages(self) -> list[str]:
+        """The messages about proofs to composition."""
         statement = "SELECT payload FROM outbox WHERE address LIKE '%/proofs' ORDER BY 1"
         async with self.gateway.parts.db.read() as connection:
             rows = await connection.exec_driver_sql(statement)

@@ -18,7 +18,7 @@ PHOTO = {"method": "PHOTO"}
 
 
 def address_of(gateway: Gateway, recipient: Recipient) -> str:
-    """Where the drone uploads the photo, as composition was told."""
+    """Where the drone uploads the photo, as composition was asked."""
     asked = (
         package.dropoff_verification
         for booking in gateway.composition.asked
@@ -46,16 +46,16 @@ async def picture(gateway: Gateway, recipient: Recipient, who: dict[str, str]) -
     return (await gateway.http.get(path, headers=who)).status_code
 
 
-async def test_a_photo_is_taken_only_while_the_drone_waits(gateway: Gateway) -> None:
+async def test_a_photo_is_accepted_only_while_the_drone_waits(gateway: Gateway) -> None:
     recipient = await recipient_of(gateway, PHOTO)
     path = address_of(gateway, recipient)
 
     before = await upload(gateway, path, make_photo())
     await recipient.drone_waits()
-    taken = [await upload(gateway, path, make_photo()) for _ in range(2)]
+    accepted = [await upload(gateway, path, make_photo()) for _ in range(2)]
 
-    assert (before, taken) == (409, [204, 204])
-    assert await recipient.told() == ['{"package_id":"p1"}']
+    assert (before, accepted) == (409, [204, 204])
+    assert await recipient.messages() == ['{"package_id":"p1"}']
     proof = await proof_of(gateway, recipient.delivery_id)
     assert (proof["given_by"], proof["picture"]) == ("DRONE", "image/jpeg")
     seen = [

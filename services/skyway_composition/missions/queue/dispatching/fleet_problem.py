@@ -47,6 +47,8 @@ def fleet_problem(
     """
     settings, base_ms = world.skyway.settings, times.settled_ms
     waiting, later_s = fleet.waiting, _later_in_still_air_s(fleet)
+    # The problem has one time for all hand-overs: the longest.
+    dropoff_s = settings.hand_over_s(one for each in waiting for one in each.request.packages)
     slots = [
         (each, slot)
         for each in fleet.calendars.values()
@@ -75,6 +77,7 @@ def fleet_problem(
                 age_s=float(len(waiting) - number),
                 tolerance_s=tolerance_s,
                 later_s=later_s[each.mission_id],
+                spare_s=dropoff_s - settings.hand_over_s(each.request.packages),
                 pooling=each.mission_id in may_merge,
             )
             for number, each in enumerate(waiting)
@@ -82,8 +85,7 @@ def fleet_problem(
         "pad_reservations": tuple(_reservations(fleet, world, held, times=times)),
         "closures": world.conditions.problem_closures(base_ms),
         "loading_s": settings.loading_s,
-        # The fleet's problem has one time for all hand-overs: the longest.
-        "dropoff_s": settings.hand_over_s(one for each in waiting for one in each.request.packages),
+        "dropoff_s": dropoff_s,
         "hand_over_s": times.hand_over_ms / 1000,
         "pad_gap_s": settings.pad_gap_s,
         "prices": Prices(move_s=MOVE_S, energy_s_per_kwh=ENERGY_S_PER_KWH),
@@ -102,15 +104,17 @@ def _request(
     age_s: float,
     tolerance_s: float,
     later_s: float,
+    spare_s: float,
     pooling: bool,
 ) -> FleetRequest:
     """A waiting mission as a request; requests that were booked earlier have a higher age.
 
-    Its promise is `later_s` later than the customer's.
+    Its promise is `later_s` later than the customer's. Its hand-overs are `spare_s` shorter than
+    those of the problem, so that they may end so much later there.
     """
 
-    def seconds(moment: datetime | None) -> float | None:
-        return None if moment is None else (moment_to_ms(moment) - base_ms) / 1000
+    def seconds(moment: datetime | None, *, later_s: float = 0.0) -> float | None:
+        return None if moment is None else (moment_to_ms(moment) - base_ms) / 1000 + later_s
 
     asked, latest = record.request, latest_ms(record, tolerance_s=tolerance_s)
     deadline_at = asked.qos.deadline_at
@@ -123,7 +127,7 @@ def _request(
                 mass_kg=each.mass_kg,
                 destination=each.destination.station_id,
                 not_before_s=seconds(each.not_before_at),
-                latest_s=seconds(each.latest_at),
+                latest_s=seconds(each.latest_at, later_s=spare_s),
             )
             for place, each in enumerate(asked.packages)
         ),

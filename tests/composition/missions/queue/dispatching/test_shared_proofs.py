@@ -12,7 +12,8 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, PackageId
 from skyway.runtime.errors import Conflict
 from tests.composition.busy_world import BusyWorld
-from tests.composition.missions.queue.booked_chain import reports_of
+from tests.composition.dispatched_world import dispatch_fairly
+from tests.composition.missions.queue.booked_chain import book, reports_of, request
 from tests.composition.missions.queue.dispatching.shared_requests import asks
 
 pytestmark = pytest.mark.databases("sqlite")
@@ -73,3 +74,28 @@ async def test_a_package_that_is_not_of_the_delivery_has_no_proof(world: BusyWor
     flying = next(iter(record.shares[1].packages))
     with pytest.raises(Conflict):
         await give_proof(world.context, DeliveryId("dlv1"), flying)
+
+
+async def test_a_request_with_a_proof_leaves_the_windows_of_others_as_they_are(
+    world: BusyWorld,
+) -> None:
+    """The fleet's problem has one time for all hand-overs: 60 s, where a window has 30 s."""
+    for number in range(1, 4):
+        assert await book(world, f"dlv{number}", "a", "b") == "BOOKED"
+    proven = with_pin(request("dlv4", "a", "b"))
+    narrow = request("dlv5", "b", "c")
+    first_at = world.clock.now() + timedelta(hours=20)
+    window = {"not_before_at": first_at, "latest_at": first_at + timedelta(seconds=30)}
+    package = narrow.packages[0].model_copy(update=window)
+    narrow = narrow.model_copy(update={"packages": (package,)})
+    for each in (proven, narrow):
+        drones = world.drones[:1]
+        delivery_id = each.packages[0].package_id.split("_")[0]
+        booked = await world.book(delivery_id, each, loading="AUTOMATIC", drones=drones)
+        assert booked == "BOOKED"
+        await world.keep_calendars()
+
+    outcomes = await dispatch_fairly(world)
+
+    assert outcomes[-1] != "failed"
+    await world.end()

@@ -1,4 +1,4 @@
-"""Takes the proof of a hand-over, and tells composition in the same transaction.
+"""Accepts the proof of a hand-over, and notifies composition in the same transaction.
 
 The delivery is locked first. So of two proofs at the same time one counts, and wrong PINs that are
 typed at the same time are all counted before they are answered.
@@ -6,18 +6,20 @@ typed at the same time are all counted before they are answered.
 
 import hmac
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
 from skyway.contracts.mission import GivenProof
+from skyway.contracts.mission_reports import MissionReport
 from skyway.errors import InvalidInput
 from skyway.ids import DeliveryId, PackageId, is_live_id
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound
+from skyway.runtime.limits import Budget, Meter
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.clients import PROOFS_PATH
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
@@ -54,17 +56,22 @@ class TypedProof(JsonModel):
         return "SIGNATURE" if self.pin is None else "PIN"
 
 
+#: What is typed and signed on the page of one delivery, however many people have its link.
+_TRIES: Final = Budget("PROOF_TRIES", per_s=0.5, burst=20)
+
+
 @dataclass(frozen=True, slots=True)
-class ProofTaker:
-    """Takes proofs; their pictures are `kept` so long, fleet time."""
+class ProofAcceptance:
+    """Accepts proofs; their pictures are `kept` so long, fleet time."""
 
     db: Database
     clock: FleetClock
     kept: timedelta
     sandbox: SandboxComposition
+    tries: Meter = field(default_factory=lambda: Meter(_TRIES))
 
-    async def type_in(self, delivery_id: DeliveryId, typed: TypedProof) -> None:
-        """Take what a recipient has typed or signed on the tracking page.
+    async def accept_typed(self, delivery_id: DeliveryId, typed: TypedProof) -> None:
+        """Accept what a recipient has typed or signed on the tracking page.
 
         Raises
         ------
@@ -74,7 +81,10 @@ class ProofTaker:
             The PIN is wrong, or another method proves the hand-over.
         Conflict
             NOT_AWAITED: no drone waits for the proof now. PROOF_LOCKED: too many wrong PINs.
+        BudgetSpent
+            Too much was typed on the page of this delivery.
         """
+        self.tries.spend(delivery_id)
         async with self.db.write() as tx:
             delivery = (await delivery_store.lock(tx, delivery_id)).delivery
             proof = await self._open(tx, delivery, typed.package_id, method=typed.method)
@@ -92,10 +102,17 @@ class ProofTaker:
             left = MOST_WRONG_PINS - proof.wrong_pins - 1
             raise InvalidInput("pin", f"is wrong; {left} of {MOST_WRONG_PINS} tries are left")
 
-    async def type_at_box(
+    async def follow(self, tx: Tx, delivery: Delivery, report: MissionReport) -> None:
+        """Do what a report asks for; the delivery must be locked."""
+        if report.kind == "PROOF_AWAITED":
+            await self.notify_again(tx, delivery, report.package_ids)
+        elif report.kind == "PIN_ENTERED" and report.pin is not None:
+            await self.accept_at_box(tx, delivery, report.package_ids, pin=report.pin)
+
+    async def accept_at_box(
         self, tx: Tx, delivery: Delivery, package_ids: Collection[PackageId], *, pin: str
     ) -> None:
-        """Take a PIN that was typed at the box of a drone, for one of these packages.
+        """Accept a PIN that was typed at the box of a drone, for one of these packages.
 
         A wrong PIN counts for each of them. The delivery must be locked.
         """
@@ -117,38 +134,38 @@ class ProofTaker:
             await store.note_wrong_pin(tx, (delivery.delivery_id, package_id))
 
     async def vouch(self, delivery_id: DeliveryId, package_id: PackageId, *, by: GivenBy) -> None:
-        """Take the word of a customer or an operator, even after too many wrong PINs.
+        """Accept the word of a customer or an operator, even after too many wrong PINs.
 
-        Raises NotFound and Conflict as `type_in` does.
+        Raises NotFound and Conflict as `accept_typed` does.
         """
         async with self.db.write() as tx:
             delivery = (await delivery_store.lock(tx, delivery_id)).delivery
             if await self._open(tx, delivery, package_id) is not None:
                 await self._give(tx, (delivery_id, package_id), by)
 
-    async def take_photo(self, delivery_id: DeliveryId, package_id: PackageId) -> None:
-        """Take the photo that the store now has. Raises as `type_in` does."""
+    async def accept_photo(self, delivery_id: DeliveryId, package_id: PackageId) -> None:
+        """Accept the photo that the store now has. Raises as `accept_typed` does."""
         async with self.db.write() as tx:
             delivery = (await delivery_store.lock(tx, delivery_id)).delivery
             if await self._open(tx, delivery, package_id, method="PHOTO") is not None:
                 await self._give(tx, (delivery_id, package_id), "DRONE", has_photo=True)
 
     async def must_await_photo(self, delivery_id: DeliveryId, package_id: PackageId) -> bool:
-        """Check that a drone waits with the package; False if its photo was taken before.
+        """Check that a drone waits with the package; False if its photo was accepted before.
 
-        Raises as `take_photo` does.
+        Raises as `accept_photo` does.
         """
         async with self.db.read() as connection:
             delivery = (await delivery_store.read(connection, delivery_id)).delivery
             found = await store.of_delivery(connection, delivery_id)
         return self._open_of(delivery, found.get(package_id), package_id, "PHOTO") is not None
 
-    async def tell_again(self, tx: Tx, delivery: Delivery, waiting: Iterable[PackageId]) -> None:
-        """Tell composition of proofs that were given before a drone waits for them once more."""
+    async def notify_again(self, tx: Tx, delivery: Delivery, waiting: Iterable[PackageId]) -> None:
+        """Notify composition of proofs that were given before a drone waits for them once more."""
         proofs = await store.of_delivery(tx.connection, delivery.delivery_id)
         for package_id in waiting:
             if package_id in proofs and proofs[package_id].given_at is not None:
-                await self._tell(tx, (delivery.delivery_id, package_id))
+                await self._notify(tx, (delivery.delivery_id, package_id))
 
     def _awaiting(self, packages: Iterable[PackageStatus]) -> Iterable[PackageStatus]:
         now = self.clock.now()
@@ -199,12 +216,12 @@ class ProofTaker:
             has_photo=has_photo,
         )
         if is_first:
-            await self._tell(tx, key)
+            await self._notify(tx, key)
 
-    async def _tell(self, tx: Tx, key: store.PackageKey) -> None:
+    async def _notify(self, tx: Tx, key: store.PackageKey) -> None:
         delivery_id, package_id = key
         if not is_live_id(delivery_id):
-            await self.sandbox.take_proof(tx, delivery_id, package_id)
+            await self.sandbox.accept_proof(tx, delivery_id, package_id)
             return
         path = PROOFS_PATH.format(delivery_id=delivery_id)
         tx.report("composition", path, GivenProof(package_id=package_id), stream=delivery_id)

@@ -47,7 +47,7 @@ async def test_a_proof_that_breaks_a_limit_is_refused(
     assert f"dropoff_verification.{at_fault}" in answer.text or at_fault in answer.json()["detail"]
 
 
-async def test_the_right_pin_is_told_to_composition_once(gateway_on_both: Gateway) -> None:
+async def test_composition_is_notified_of_the_right_pin_once(gateway_on_both: Gateway) -> None:
     recipient = await recipient_of(gateway_on_both, PIN)
     assert await recipient.gives(pin="4711") == 409  # the drone is not there
     await recipient.drone_waits()
@@ -55,7 +55,7 @@ async def test_the_right_pin_is_told_to_composition_once(gateway_on_both: Gatewa
     statuses = [await recipient.gives(pin="4711") for _ in range(2)]
 
     assert statuses == [204, 204]
-    assert await recipient.told() == ['{"package_id":"p1"}']
+    assert await recipient.messages() == ['{"package_id":"p1"}']
     proof = await proof_of(gateway_on_both, recipient.delivery_id)
     assert (proof["given_by"], proof["pin"]) == ("RECIPIENT", None)
 
@@ -71,7 +71,7 @@ async def test_five_wrong_pins_lock_the_proof_also_when_they_come_together(
     assert sorted(guesses) == [409] * 7 + [422] * 5
     assert await recipient.gives(pin="4711") == 409
     assert (await recipient.package())["dropoff_proof"]["wrong_pins"] == 5
-    assert await recipient.told() == []
+    assert await recipient.messages() == []
 
 
 async def test_the_customer_vouches_for_a_recipient_who_is_locked_out(gateway: Gateway) -> None:
@@ -88,7 +88,7 @@ async def test_the_customer_vouches_for_a_recipient_who_is_locked_out(gateway: G
 
     assert [answer.status_code for answer in answers] == [404, 403, 200]
     assert answers[2].json()["given_by"] == "CUSTOMER"
-    assert await recipient.told() == ['{"package_id":"p1"}']
+    assert await recipient.messages() == ['{"package_id":"p1"}']
 
 
 async def test_nobody_gives_proof_to_a_drone_that_has_left(gateway: Gateway) -> None:
@@ -115,17 +115,19 @@ async def test_a_pin_typed_at_the_box_counts_like_one_on_the_page(
     first, second = [(await recipient.package(number))["dropoff_proof"] for number in (0, 1)]
     assert (first["given_by"], first["wrong_pins"]) == (None, 1)
     assert (second["given_by"], second["wrong_pins"]) == ("KEYPAD", 1)
-    assert await recipient.told() == ['{"package_id":"p2"}']
+    assert await recipient.messages() == ['{"package_id":"p2"}']
 
 
-async def test_a_drone_that_waits_once_more_is_told_of_the_proof_again(gateway: Gateway) -> None:
+async def test_composition_is_notified_of_a_proof_again_when_a_drone_waits_again(
+    gateway: Gateway,
+) -> None:
     recipient = await recipient_of(gateway, PIN)
     await recipient.drone_waits()
     await recipient.gives(pin="4711")
 
     await recipient.drone_waits()
 
-    assert await recipient.told() == ['{"package_id":"p1"}'] * 2
+    assert await recipient.messages() == ['{"package_id":"p1"}'] * 2
 
 
 async def test_a_signature_is_kept_as_a_picture_without_the_markup_of_its_name(
