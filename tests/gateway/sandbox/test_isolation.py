@@ -57,7 +57,10 @@ async def test_live_objects_say_that_they_are_live(gateway: Gateway) -> None:
     assert {each["livemode"] for each in [await gateway.get(delivery_id), *events]} == {True}
 
 
-async def test_operators_and_the_live_account_see_no_test_delivery(gateway: Gateway) -> None:
+async def test_operators_and_the_live_account_see_no_test_delivery(
+    gateway_on_both: Gateway,
+) -> None:
+    gateway = gateway_on_both
     headers = await sandbox_caller(gateway)
     delivery_id = await accepted(gateway, headers, sandbox_request())
     await played(gateway, headers, delivery_id)

@@ -160,7 +160,8 @@ async def test_two_replicas_play_each_report_once(gateway_on_both: Gateway) -> N
     assert types[-1] == "delivery.completed"
 
 
-async def test_test_deliveries_are_deleted_after_a_week(gateway: Gateway) -> None:
+async def test_test_deliveries_are_deleted_after_a_week(gateway_on_both: Gateway) -> None:
+    gateway = gateway_on_both
     headers = await sandbox_caller(gateway)
     delivery_id = await accepted(gateway, headers, sandbox_request())
     await played(gateway, headers, delivery_id)
