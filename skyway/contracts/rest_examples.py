@@ -9,6 +9,7 @@ from typing import Any, Final
 #: An example by the name of its property, wherever it fits the property's type. Any: any JSON.
 BY_NAME: Final[Mapping[str, Any]] = {
     "handling": ["DANGEROUS"],
+    "pin": "4711",
     "dangerous_class": "6.2",
     "dangerous_classes": ["6.2"],
     # Names and ids.

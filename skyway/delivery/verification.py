@@ -9,8 +9,8 @@ from skyway.json_model import JsonModel
 ProofMethod = Literal["PIN", "PHOTO", "SIGNATURE"]
 
 #: How long a drone may wait for a proof, seconds.
-_SHORTEST_WAIT_S: Final = 30
-_LONGEST_WAIT_S: Final = 900
+SHORTEST_WAIT_S: Final = 30
+LONGEST_WAIT_S: Final = 900
 
 #: The least wait of a network whose `recipient_wait_s` is shorter, seconds.
 _LEAST_DEFAULT_WAIT_S: Final = 60.0
@@ -29,8 +29,8 @@ class DropoffVerification(JsonModel):
     wait_s: Annotated[
         int | None,
         Field(
-            ge=_SHORTEST_WAIT_S,
-            le=_LONGEST_WAIT_S,
+            ge=SHORTEST_WAIT_S,
+            le=LONGEST_WAIT_S,
             description="How long the drone waits for the proof, seconds, 30 to 900. If null, as "
             "long as the network's drones wait for a recipient, but at least 60.",
         ),

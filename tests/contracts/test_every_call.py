@@ -115,16 +115,21 @@ def test_every_object_within_a_patch_is_merged_by_a_test_of_its_own() -> None:
         if any("properties" in form for form in member.forms)
     }
 
-    tariff = ("tariff", "tariff.payment_terms", "tariff.payment_terms.cancellation")
+    terms = ("tariff.payment_terms.cancellation", "tariff.payment_terms.waiting")
+    tariff = ("tariff", "tariff.payment_terms", *terms)
     step = "tariff.payment_terms.late.0"  # of a list, which is replaced whole
     people = ("recipient", "sender", "packages.0", "packages.0.recipient")
     wishes = ("qos", "qos.providers", "qos.weights")
     # A size has all its sides, and a place is another place: both are replaced whole.
     place = ("packages.0.destination", "packages.0.alternative")
+    proof = "packages.0.dropoff_verification"
     whole = ("packages.0.size_mm", *place, *(f"{each}.location" for each in place))
     assert objects == {
         *(("PATCH /v1/providers/{provider_id}", each) for each in (*tariff, step)),
-        *(("PATCH /v1/deliveries/{delivery_id}", each) for each in (*people, *wishes, *whole)),
+        *(
+            ("PATCH /v1/deliveries/{delivery_id}", each)
+            for each in (*people, *wishes, proof, *whole)
+        ),
     }
 
 
@@ -176,7 +181,7 @@ async def test_a_call_that_accepts_no_type_of_its_answers_is_refused_with_their_
     async with client_of(service) as client:
         for call in calls(service):
             types = answered_types(call)
-            refused = ("image/png", "image/png, application/json;q=0", "image/*") if types else ()
+            refused = ("font/woff", "font/woff, application/json;q=0", "font/*") if types else ()
             accepted = (*types, "*/*", "text/html, */*;q=0.1", "image/*, application/*, text/*")
             for accept in (*refused, *accepted):
                 answer = await client.request(call.method, call.url, headers={"Accept": accept})

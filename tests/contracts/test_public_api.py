@@ -85,6 +85,7 @@ def test_every_write_says_what_its_body_is() -> None:
     }
 
     assert without_body == {
+        "POST /v1/deliveries/{delivery_id}/packages/{package_id}/proof",
         "POST /v1/deliveries/{delivery_id}/tracking-link",
         "POST /v1/keys/rotations",
         "POST /v1/providers/{provider_id}/drones/{drone_id}/enrolment-tokens",
@@ -160,8 +161,8 @@ def test_every_code_of_a_conflict_is_described_and_shown_by_an_operation() -> No
     }
 
     assert raised == set(CONFLICT_CODES)
-    # Only reports between services come too early.
-    assert shown == raised - {"NOT_YET"}
+    # Only reports between services come too early, and only the tracking page has a lock.
+    assert shown == raised - {"NOT_YET", "PROOF_LOCKED"}
 
 
 def test_nearly_every_property_is_described() -> None:

@@ -7,7 +7,13 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 
 from skyway.contracts.message import FleetMoment
-from skyway.delivery.verification import DropoffVerification, PlannedVerification, ProofMethod
+from skyway.delivery.verification import (
+    LONGEST_WAIT_S,
+    SHORTEST_WAIT_S,
+    DropoffVerification,
+    PlannedVerification,
+    ProofMethod,
+)
 from skyway.errors import InvalidInput
 from skyway.json_model import JsonModel
 
@@ -66,7 +72,7 @@ class VerificationChange(JsonModel):
 
     method: Annotated[ProofMethod | None, Field(description="PIN, PHOTO or SIGNATURE.")] = None
     wait_s: Annotated[
-        int | None,
+        Annotated[int, Field(ge=SHORTEST_WAIT_S, le=LONGEST_WAIT_S)] | None,
         Field(description="How long the drone waits for the proof, seconds, 30 to 900."),
     ] = None
     pin: Annotated[
