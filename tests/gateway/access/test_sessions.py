@@ -34,7 +34,7 @@ _GIVE_A_SESSION_NOTHING = {
 }
 #: Calls that change something and leave no right behind, by what they change.
 _LEAVE_NO_RIGHT = {
-    "work": ("deliveries", "quotes", "compositions", "missions", "small-world"),
+    "work": ("deliveries", "quotes", "compositions", "missions", "proofs", "small-world"),
     "the world": ("networks", "stations", "segments", "zones", "ground-stops"),
     "repairs": ("alarms", "quarantine"),
     "a fleet's own data": ("batteries", "maintenance", "maintenance-rules", "drone-models"),
