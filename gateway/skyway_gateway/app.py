@@ -64,6 +64,7 @@ from skyway_gateway.places.routes import place_routes
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.quotes.store import read_networks
 from skyway_gateway.settings import GatewaySettings
+from skyway_gateway.tracking.branding_routes import branding_routes
 from skyway_gateway.tracking.routes import link_routes, page_routes
 from skyway_gateway.work import start_work
 
@@ -98,6 +99,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             earnings_routes(context, reporting=parts.reporting),
             live_routes(feed=parts.live, slots=parts.streams, meters=parts.meters),
             link_routes(context, links=parts.links),
+            branding_routes(context),
             page_routes(
                 pages=parts.pages,
                 feed=parts.live,

@@ -11,6 +11,7 @@ from skyway.runtime.sql.database import Database
 from skyway_gateway.clients import Composition
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.tracking import link_store
+from skyway_gateway.tracking.branding_store import branding_of
 from skyway_gateway.tracking.tracked import TrackedDelivery, tracked
 from skyway_gateway.tracking_links import TrackingLinks
 
@@ -61,7 +62,9 @@ class TrackingPages:
         if delivery.missions:
             asked = delivery.delivery_id, delivery.updated_at
             track = self._tracks.cached(asked) or await self._tracks.ask(asked)
-        return tracked(delivery, track, now=self._clock.now(), rate=self._clock.rate)
+        async with self._db.read() as connection:
+            shop = await branding_of(connection, delivery.customer_id)
+        return tracked(delivery, track, shop=shop, now=self._clock.now(), rate=self._clock.rate)
 
     async def delivery_of(self, shown: Shown) -> Delivery | None:
         """The delivery of a link as it is now; None for a wrong, withdrawn or expired link."""

@@ -104,6 +104,7 @@ _ASSETS: Final = {
     "tracking.css": "text/css",
     "tracking.js": "text/javascript",
     "way_map.js": "text/javascript",
+    "words.js": "text/javascript",
 }
 
 

@@ -17,6 +17,7 @@ from skyway_gateway.places.served import ServedPlace
 from skyway_gateway.quotes.store import Offer
 from skyway_gateway.tables import (
     api_keys,
+    brandings,
     events,
     idempotency,
     known_networks,
@@ -29,6 +30,7 @@ from skyway_gateway.tables import (
     sessions,
     webhooks,
 )
+from skyway_gateway.tracking.branding import Colour, ShopName
 from sqlalchemy import func, select
 
 from skyway.contracts.candidate import ProviderReason
@@ -90,6 +92,8 @@ _FORMS: Final = form_rule(
         known_networks.c.stations: NetworkStations.read,
         outbox.c.payload: json.loads,
         personal_data.c.details: PersonalData.read,
+        brandings.c.name: TypeAdapter(ShopName).validate_python,
+        brandings.c.colour: TypeAdapter(Colour).validate_python,
         api_keys.c.key_hash: read_sha256,
         api_keys.c.scopes: TypeAdapter(tuple[Scope, ...]).validate_json,
         sessions.c.session_hash: read_sha256,

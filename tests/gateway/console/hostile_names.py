@@ -167,6 +167,7 @@ ANSWERS: Final[dict[str, Any]] = {
             "body": '{"reason": "<b>bold</b>"}',
         }
     ),
+    "/v1/branding": {"name": MARKUP, "colour": "#0b6bcb"},
     "/v1/providers": _page({"provider_id": "prv_1", "name": MARKUP}),
     "/v1/providers/prv_1/schedule": _page(),
     "/v1/providers/prv_1/earnings": {

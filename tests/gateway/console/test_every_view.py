@@ -32,7 +32,11 @@ VIEWS = {
         "account": "New key",
     },
     "provider": {"fleet/loading": "Confirm loading"},
-    "customer": {"account": "whk_1", "deliveries/dlv_1": "Tracking link", "new": "and 5 more"},
+    "customer": {
+        "account": "Your shop on tracking pages",
+        "deliveries/dlv_1": "Tracking link",
+        "new": "and 5 more",
+    },
 }
 
 
