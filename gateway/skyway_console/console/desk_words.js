@@ -25,6 +25,20 @@ export const WORDS = {
     email: "E-mail",
     instructions: "Instructions",
   },
+  statements: {
+    month: "Month (UTC)",
+    none: "No lines in this month.",
+    open: "The month is open: its sums may still change.",
+    closed: (day) => `Closed on ${day}: it does not change any more.`,
+    counted: (deliveries, lines) => `${deliveries} deliveries, ${lines} lines of the ledger.`,
+    print: "Page to print",
+    csv: "Statements as CSV",
+    linesCsv: "Lines as CSV",
+    lines: "Lines",
+    more: "There are more lines: save them as CSV.",
+    pays: (party) => `${party} pays`,
+    gets: (party) => `${party} gets`,
+  },
 };
 
 // What a customer gets back by the terms of an offer, one sentence each.
