@@ -120,7 +120,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             key_routes(context, keys=keys),
             clock_routes(anchor=parts.anchor),
             provider_routes(context, registry=parts.clients["registry"], keys=keys),
-            ledger_routes(context),
+            ledger_routes(context, reporting=parts.reporting),
             statistics_routes(context, reporting=parts.reporting),
             audit_routes(context),
             limit_routes(

@@ -25,6 +25,16 @@ export const WORDS = {
     email: "E-mail",
     instructions: "Instructions",
   },
+  earned: {
+    by: "Earnings of the month by",
+    day: "Day",
+    drone: "Drone",
+    route: "Route",
+    csv: "Earnings as CSV",
+    archived: "archived",
+    counted: "Deliveries",
+    amount: "Earned",
+  },
   statements: {
     month: "Month (UTC)",
     none: "No lines in this month.",

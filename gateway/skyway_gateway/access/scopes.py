@@ -170,7 +170,11 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         "GET /v1/places",
         "POST /v1/compositions",
     ),
-    "statements:read": ("GET /v1/statements", "GET /v1/statements/lines"),
+    "statements:read": (
+        "GET /v1/statements",
+        "GET /v1/statements/earnings",
+        "GET /v1/statements/lines",
+    ),
     "statements:write": ("POST /v1/statements/lines",),
     "webhooks:read": (
         "GET /v1/webhooks",

@@ -179,6 +179,19 @@ ANSWERS: Final[dict[str, Any]] = {
             "closed_at": None,
         }
     ),
+    "/v1/statements/earnings": _page(
+        {
+            "provider_id": "prv_1",
+            "currency": "USD",
+            "day": "2026-03-01",
+            "drone_id": None,
+            "from_station_id": "a",
+            "to_station_id": None,
+            "deliveries": 1,
+            "missions": 1,
+            "amount": 900,
+        }
+    ),
     "/v1/statements/lines": _page(
         {
             "mission_id": "msn_1",

@@ -64,6 +64,20 @@ def test_all_pages_of_a_list_are_saved_with_one_row_of_names(page: Page) -> None
     assert saved(page, "Lines as CSV") == ("lines-2026-03.csv", "name\none\ntwo\n")
 
 
+def test_a_provider_sees_its_earnings_by_route(stage: StagedPage, page: Page) -> None:
+    table = page.get_by_role("table", name="Earnings of the month by")
+    expect(page.locator(".statements section")).to_be_visible()
+    expect(table).to_have_count(0)
+    stage.answers["/v1/sessions/current"] = {"subject_id": "prv_1", "role": "provider"}
+    page.reload()
+    expect(table).to_contain_text("2026-03-01")
+
+    page.get_by_label("Earnings of the month by").first.select_option("Route")
+
+    expect(table).to_contain_text("archived")
+    expect(table).to_contain_text("US$9.00")
+
+
 def test_the_view_fits_a_phone(page: Page) -> None:
     page.set_viewport_size({"width": 360, "height": 800})
     expect(page.locator(".statements section")).to_be_visible()

@@ -10,6 +10,7 @@ import {html} from "../html.js";
 import {pathTo} from "../routes.js";
 import {session} from "../session.js";
 import {dayText, inWords, money, momentText, shortId} from "../words.js";
+import {Earned} from "../parts/earned.js";
 import {attempt} from "../parts/messages.js";
 
 const TEXTS = WORDS.statements;
@@ -77,6 +78,7 @@ const Month = ({month, found}) => html`
   </div>
   <div class="statements">${found.statements.items.map((each) => html`
     <${Statement} key=${each.role + each.party_id + each.currency} of=${each} />`)}</div>
+  ${session.value.role !== "customer" && html`<${Earned} key=${month} month=${month} />`}
   ${found.lines.items.length > 0 && html`<${Lines} of=${found.lines} />`}`;
 
 export function StatementsView() {
