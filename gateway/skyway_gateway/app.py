@@ -65,6 +65,7 @@ from skyway_gateway.places.routes import place_routes
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.quotes.store import read_networks
 from skyway_gateway.settings import GatewaySettings
+from skyway_gateway.tracking.branding_routes import branding_routes
 from skyway_gateway.tracking.routes import link_routes, page_routes
 from skyway_gateway.work import start_work
 
@@ -103,6 +104,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             proof_routes(db, proofs=parts.proofs, photos=parts.photos),
             upload_routes(photos=parts.photos, uploads=parts.uploads, meters=parts.meters),
             link_routes(context, links=parts.links),
+            branding_routes(context),
             page_routes(
                 pages=parts.pages,
                 feed=parts.live,
@@ -125,7 +127,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             key_routes(context, keys=keys),
             clock_routes(anchor=parts.anchor),
             provider_routes(context, registry=parts.clients["registry"], keys=keys),
-            ledger_routes(context),
+            ledger_routes(context, reporting=parts.reporting),
             statistics_routes(context, reporting=parts.reporting),
             audit_routes(context),
             limit_routes(

@@ -251,6 +251,15 @@ tracking_links = Table(
     CheckConstraint("number >= 1", name="tracking_link_number"),
 )
 
+#: How the tracking pages of a customer look.
+brandings = Table(
+    "brandings",
+    metadata,
+    Column("customer_id", Text, primary_key=True),
+    Column("name", Text),
+    Column("colour", Text),
+)
+
 #: What customers say about the people of their deliveries; no other table has any of it. A row
 #: has either its details, or the moment of their erasure.
 personal_data = Table(

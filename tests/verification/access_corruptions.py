@@ -6,7 +6,7 @@ from tests.verification.damaged_copies import Corruption
 
 _AUDIT_CHANGED: Final = "the audit log has every entry as it was written"
 
-_KEYS: Final = "whose deliveries, webhooks and calls are stored has a key, or had one"
+_KEYS: Final = "whose deliveries, webhooks, branding and calls are stored has a key, or had one"
 
 ACCESS_CORRUPTIONS: Final = (
     Corruption(

@@ -22,6 +22,7 @@ import {MapView} from "./views/map.js";
 import {ProviderView} from "./views/provider.js";
 import {ReplayView} from "./views/replay.js";
 import {ScheduleView} from "./views/schedule.js";
+import {StatementsView} from "./views/statements.js";
 
 // By the first part of the address: the view, its name, and the roles that have it.
 const VIEWS = {
@@ -30,6 +31,7 @@ const VIEWS = {
   new: {view: CustomerView, name: "New delivery", roles: ["customer"]},
   deliveries: {view: DeliveriesView, name: "Deliveries", roles: ["operator", "customer"]},
   fleet: {view: ProviderView, name: "Fleet", roles: ["operator", "provider"]},
+  statements: {view: StatementsView, name: "Statements", roles: ["operator", "provider", "customer"]},
   alarms: {view: AlarmsView, name: "Alarms", roles: ["operator", "provider"]},
   replay: {view: ReplayView, name: "Replay", roles: ["operator", "provider"]},
   health: {view: HealthView, name: "Health", roles: ["operator"]},

@@ -2,6 +2,7 @@
 
 import {awaited, showProofs} from "./proofs.js";
 import {drawWay} from "./way_map.js";
+import {WORDS, placeText} from "./words.js";
 
 const STAGES = [
   ["REQUESTED", "Requested"],
@@ -102,15 +103,24 @@ function showStages() {
   }));
 }
 
-const degrees = (value, positive, negative) =>
-  `${Math.abs(value).toFixed(5)}° ${value < 0 ? negative : positive}`;
-
 // What the drone measured at the hand-over.
 function measured({proof_mass_kg: massKg, proof_position: position}) {
   return [
     ...(typeof massKg === "number" ? [`Mass: ${Number(massKg.toFixed(3))} kg`] : []),
-    ...(position ? [`Place: ${degrees(position[1], "north", "south")}, ${degrees(position[0], "east", "west")}`] : []),
+    ...(position ? [`Place: ${placeText(position)}`] : []),
   ];
+}
+
+// The pad where a package comes down. The page does not know where its recipient lives.
+function padLines({station_id: stationId}) {
+  const position = state.places.find((each) => each.station_id === stationId)?.position;
+  if (!position) return [];
+  const [longitude, latitude] = position;
+  const link = document.createElement("a");
+  link.href = `geo:${latitude},${longitude}`;
+  link.textContent = WORDS.openMap;
+  link.className = "way";
+  return [paragraph(WORDS.pad(nameOf(stationId), placeText(position))), link];
 }
 
 function packageLines(one) {
@@ -134,6 +144,7 @@ function packageLines(one) {
     const late = isLate ? `, promised by ${clockTime(one.due_at)}` : "";
     lines.push(paragraph(`Expected ${clockTime(one.eta_at)}${late}`, isLate ? "late" : ""));
   }
+  lines.push(...padLines(one));
   lines.push(paragraph(
     `If nobody is there, the drone waits a moment and then takes it to ${nameOf(one.alternative_id)}.`,
   ));
@@ -155,11 +166,19 @@ function setText(id, text) {
   if (element(id).textContent !== text) element(id).textContent = text;
 }
 
+function showShop({name, colour, text_colour: textColour}) {
+  element("shop").hidden = name === null;
+  setText("shop", name ?? "");
+  element("shop").style.backgroundColor = colour ?? "";
+  element("shop").style.color = textColour ?? "";
+}
+
 function show() {
   const next = nextPackage();
   setText("headline", headline(next));
   setText("detail", detail(next));
-  document.title = `${headline(next)} – your delivery`;
+  showShop(state.shop);
+  document.title = WORDS.title(headline(next), state.shop.name);
   showStages();
   showProofs(element("proofs"), state, look);
   showPackages();

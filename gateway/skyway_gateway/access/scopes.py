@@ -49,8 +49,14 @@ _CLOSURES: Final = (
 
 #: The calls that each scope allows, as ``GET /v1/clock``.
 CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
-    "account:read": ("GET /v1/clock", "GET /v1/limits", "GET /v1/sessions/current"),
+    "account:read": (
+        "GET /v1/branding",
+        "GET /v1/clock",
+        "GET /v1/limits",
+        "GET /v1/sessions/current",
+    ),
     "account:write": (
+        "PUT /v1/branding",
         "POST /v1/keys/rotations",
         "POST /v1/session-links",
         "POST /v1/sessions",
@@ -167,7 +173,11 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         "GET /v1/places",
         "POST /v1/compositions",
     ),
-    "statements:read": ("GET /v1/statements", "GET /v1/statements/lines"),
+    "statements:read": (
+        "GET /v1/statements",
+        "GET /v1/statements/earnings",
+        "GET /v1/statements/lines",
+    ),
     "statements:write": ("POST /v1/statements/lines",),
     "webhooks:read": (
         "GET /v1/webhooks",

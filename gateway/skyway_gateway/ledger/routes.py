@@ -10,11 +10,14 @@ from skyway.runtime.http.csv_answers import prefers
 from skyway.runtime.http.paging import Page, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency_store import Answer, once
+from skyway.runtime.limits import FairQueue
 from skyway.runtime.sql.database import Tx
 from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.context import Context
 from skyway_gateway.ledger import store
 from skyway_gateway.ledger.correct import correct
+from skyway_gateway.ledger.earned import Earned, EarnedQuery
+from skyway_gateway.ledger.earned_store import earned_of, earned_page
 from skyway_gateway.ledger.line import LedgerLine
 from skyway_gateway.ledger.page import PAGE_HEADERS, statements_html
 from skyway_gateway.ledger.statement import Correction, LineQuery, Statement, StatementQuery
@@ -29,8 +32,8 @@ _PAGE: Final[dict[int | str, dict[str, Any]]] = {
 _PATH: Final = "/v1/statements"
 
 
-def ledger_routes(context: Context) -> ServiceRouter:
-    """GET /v1/statements, GET and POST /v1/statements/lines."""
+def ledger_routes(context: Context, *, reporting: FairQueue) -> ServiceRouter:
+    """GET /v1/statements and .../earnings, GET and POST /v1/statements/lines."""
     router = ServiceRouter(tags=("statements",))
 
     @router.get(_PATH, response_model=Page[Statement], responses=_PAGE)
@@ -73,6 +76,27 @@ def ledger_routes(context: Context) -> ServiceRouter:
             found = await store.lines_page(connection, query.seen_by(caller), month=month)
         return page_of(
             found, query, item=lambda it: it, sort_key=lambda it: (it.mission_id, it.number)
+        )
+
+    @router.get(f"{_PATH}/earnings")
+    async def list_earnings(
+        caller: KeyCaller, query: Annotated[EarnedQuery, Query()]
+    ) -> Page[Earned]:
+        """List what providers earned in a month by day, drone or route.
+
+        Providers see their own. The sum over all is the amount of the statement.
+
+        Callers: provider, operator.
+        """
+        caller.must_be("provider", "operator")
+        month = query.month_at(context.clock.now())
+        async with reporting.turn(str(caller)), context.db.survey() as connection:
+            found = await earned_page(connection, query.seen_by(caller), month=month)
+        return page_of(
+            found,
+            query,
+            item=lambda row: earned_of(row, query.by),
+            sort_key=lambda row: (row.provider_id, row.currency, row.first, row.second),
         )
 
     @router.post(f"{_PATH}/lines", status_code=201, response_model=LedgerLine, responses=NOT_FOUND)

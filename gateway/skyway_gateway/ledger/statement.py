@@ -19,12 +19,21 @@ PartyRole = Literal["customer", "provider"]
 _Amount = Annotated[int, Field(description="Minor units of the currency.")]
 
 
-class StatementQuery(PageQuery):
-    """The query of statements: a month, and whose; callers see only their own."""
+class MonthQuery(PageQuery):
+    """The query of a month."""
 
     month: Annotated[Month | None, Field(description="The month; without it, the present one.")] = (
         None
     )
+
+    def month_at(self, moment: datetime) -> str:
+        """The month that is asked for at this moment of fleet time."""
+        return self.month or month_of(moment)
+
+
+class StatementQuery(MonthQuery):
+    """The query of statements: a month, and whose; callers see only their own."""
+
     role: Annotated[
         PartyRole | None, Field(description="Only statements of customers, or of providers.")
     ] = None
@@ -38,10 +47,6 @@ class StatementQuery(PageQuery):
             return self
         own = {"role": caller.role, "party_id": caller.subject_id}
         return self.model_copy(update=own)
-
-    def month_at(self, moment: datetime) -> str:
-        """The month that is asked for at this moment of fleet time."""
-        return self.month or month_of(moment)
 
 
 class LineQuery(StatementQuery):

@@ -21,17 +21,18 @@ _UNSAFE: Final = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 MOST_METADATA: Final = 50
 
 
-def _one_line(text: str) -> str:
+def one_line(text: str) -> str:
+    """The text, if it is one line that shows as it is written."""
     if _UNSAFE.search(text) or not text.strip():
         raise ValueError("must be one line of text, without control characters")
     return text
 
 
-Name = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_one_line)]
+Name = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(one_line)]
 Phone = Annotated[str, Field(max_length=16, pattern=r"^[+][1-9][0-9]{6,14}$")]
 Email = Annotated[str, Field(max_length=254, pattern=r"^[^@\s]+@[^@\s]+[.][^@\s]+$")]
 Instructions = Annotated[str, Field(min_length=1, max_length=500)]
-MetadataKey = Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_one_line)]
+MetadataKey = Annotated[str, Field(min_length=1, max_length=40), AfterValidator(one_line)]
 MetadataValue = Annotated[str, Field(min_length=1, max_length=500)]
 
 

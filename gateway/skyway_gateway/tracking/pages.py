@@ -14,6 +14,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.proofs import store as proof_store
 from skyway_gateway.proofs.verification import DropoffProof
 from skyway_gateway.tracking import link_store
+from skyway_gateway.tracking.branding_store import branding_of
 from skyway_gateway.tracking.tracked import TrackedDelivery, tracked
 from skyway_gateway.tracking_links import TrackingLinks
 
@@ -69,11 +70,12 @@ class TrackingPages:
             asked = delivery.delivery_id, delivery.updated_at
             track = self._tracks.cached(asked) or await self._tracks.ask(asked)
         proofs: Mapping[str, DropoffProof] = {}
-        if delivery.request.needs_proof:
-            async with self._db.read() as connection:
+        async with self._db.read() as connection:
+            shop = await branding_of(connection, delivery.customer_id)
+            if delivery.request.needs_proof:
                 proofs = await proof_store.of_delivery(connection, delivery.delivery_id)
         now, rate = self._clock.now(), self._clock.rate
-        return tracked(delivery, track, proofs=proofs, now=now, rate=rate)
+        return tracked(delivery, track, proofs=proofs, shop=shop, now=now, rate=rate)
 
     async def delivery_of(self, shown: Shown) -> Delivery | None:
         """The delivery of a link as it is now; None for a wrong, withdrawn or expired link."""

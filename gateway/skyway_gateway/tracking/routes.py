@@ -108,6 +108,7 @@ _ASSETS: Final = {
     "tracking.js": "text/javascript",
     "proofs.js": "text/javascript",
     "way_map.js": "text/javascript",
+    "words.js": "text/javascript",
 }
 
 

@@ -1,4 +1,4 @@
-"""What a tracking page shows of a delivery: no names, prices, charges, or drones' ways home."""
+"""What a tracking page shows of a delivery: no people, prices, charges, or drones' ways home."""
 
 from collections.abc import Iterator, Mapping
 from datetime import datetime, timedelta
@@ -21,6 +21,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
 from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
 from skyway_gateway.deliveries.lifecycle.package_changes import with_p90
 from skyway_gateway.proofs.verification import DropoffProof
+from skyway_gateway.tracking.branding import Branding, ShownBranding
 
 Stage = Literal[
     "REQUESTED", "PLANNED", "LOADING", "ON_THE_WAY", "DELIVERED", "PARTLY_DELIVERED", "ENDED"
@@ -107,12 +108,14 @@ class TrackedDelivery(JsonModel):
     places: tuple[TrackedPlace, ...]
     station_names: dict[StationId, str]
     drones: tuple[TrackedDrone, ...]
+    shop: Annotated[ShownBranding, Field(description="How the customer wants the page to look.")]
 
 
 def tracked(
     delivery: Delivery,
     track: Track,
     *,
+    shop: Branding,
     proofs: Mapping[str, DropoffProof],
     now: datetime,
     rate: float,
@@ -165,6 +168,7 @@ def tracked(
             for mission in track.missions
             if mission.position is not None and mission.mission_id in carrying
         ),
+        shop=ShownBranding.of(shop),
     )
 
 

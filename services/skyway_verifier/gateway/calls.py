@@ -19,6 +19,7 @@ from skyway_gateway.tables import (
     api_keys,
     audit,
     audit_head,
+    brandings,
     events,
     idempotency,
     session_links,
@@ -127,12 +128,13 @@ CALLS: Final = (
         settles=True,
     ),
     Rule(
-        "whose deliveries, webhooks and calls are stored has a key, or had one",
+        "whose deliveries, webhooks, branding and calls are stored has a key, or had one",
         union_of(
             select(subject).where(_without_key(subject), *conditions)
             for subject, *conditions in (
                 (deliveries.c.customer_id,),
                 (webhooks.c.customer_id,),
+                (brandings.c.customer_id,),
                 (audit.c.subject_id, audit.c.role != UNKNOWN),
             )
         ),

@@ -19,6 +19,7 @@ from skyway_gateway.quotes.store import Offer
 from skyway_gateway.sandbox.store import REPORTS
 from skyway_gateway.tables import (
     api_keys,
+    brandings,
     events,
     idempotency,
     known_networks,
@@ -32,6 +33,7 @@ from skyway_gateway.tables import (
     sessions,
     webhooks,
 )
+from skyway_gateway.tracking.branding import Colour, ShopName
 from sqlalchemy import func, select
 
 from skyway.contracts.candidate import ProviderReason
@@ -100,6 +102,8 @@ _FORMS: Final = form_rule(
         personal_data.c.details: PersonalData.read,
         sandbox_missions.c.mission: Mission.read,
         sandbox_missions.c.reports: REPORTS.validate_json,
+        brandings.c.name: TypeAdapter(ShopName).validate_python,
+        brandings.c.colour: TypeAdapter(Colour).validate_python,
         api_keys.c.key_hash: read_sha256,
         api_keys.c.scopes: TypeAdapter(tuple[Scope, ...]).validate_json,
         sessions.c.session_hash: read_sha256,

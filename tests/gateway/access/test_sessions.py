@@ -257,6 +257,7 @@ def test_each_call_whose_answer_holds_a_secret_needs_the_key_itself() -> None:
 def test_each_call_that_changes_something_is_known_to_leave_a_right_or_none() -> None:
     harmless = {word for words in _LEAVE_NO_RIGHT.values() for word in words}
     others = {
+        "PUT /v1/branding",
         "PATCH /v1/providers/{provider_id}",
         "PATCH /v1/providers/{provider_id}/drones/{drone_id}",
         "PUT /v1/providers/{provider_id}/drones/{drone_id}/battery",

@@ -167,6 +167,44 @@ ANSWERS: Final[dict[str, Any]] = {
             "body": '{"reason": "<b>bold</b>"}',
         }
     ),
+    "/v1/statements": _page(
+        {
+            "role": "customer",
+            "party_id": MARKUP,
+            "currency": "USD",
+            "amount": 900,
+            "items": {"base": 1000, "distance": 0, "correction": -100},
+            "deliveries": 1,
+            "lines": 2,
+            "closed_at": None,
+        }
+    ),
+    "/v1/statements/earnings": _page(
+        {
+            "provider_id": "prv_1",
+            "currency": "USD",
+            "day": "2026-03-01",
+            "drone_id": None,
+            "from_station_id": "a",
+            "to_station_id": None,
+            "deliveries": 1,
+            "missions": 1,
+            "amount": 900,
+        }
+    ),
+    "/v1/statements/lines": _page(
+        {
+            "mission_id": "msn_1",
+            "number": 1,
+            "delivery_id": "dlv_1",
+            "kind": "CORRECTION",
+            "amount": -100,
+            "currency": "USD",
+            "note": MARKUP,
+            "at": MOMENT,
+        }
+    ),
+    "/v1/branding": {"name": MARKUP, "colour": "#0b6bcb"},
     "/v1/providers": _page({"provider_id": "prv_1", "name": MARKUP}),
     "/v1/providers/prv_1/schedule": _page(),
     "/v1/providers/prv_1/earnings": {

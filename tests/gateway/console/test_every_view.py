@@ -26,13 +26,18 @@ VIEWS = {
         "deliveries/dlv_1": "Who ordered what",
         "fleet": MARKUP,
         "fleet/earnings": "with 2 deliveries",
+        "statements": "The month is open",
         "alarms": "Closed now",
         "replay": "measured something",
         "health": "Counted failures",
         "account": "New key",
     },
-    "provider": {"fleet/loading": "Confirm loading"},
-    "customer": {"account": "whk_1", "deliveries/dlv_1": "Tracking link", "new": "and 5 more"},
+    "provider": {"fleet/loading": "Confirm loading", "statements": MARKUP},
+    "customer": {
+        "account": "Your shop on tracking pages",
+        "deliveries/dlv_1": "Tracking link",
+        "new": "and 5 more",
+    },
 }
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import expect
 
-from tests.end_to_end.browser import needs_browser
+from tests.end_to_end.browser import needs_browser, serious_problems
 from tests.gateway.console.staged_page import StagedPage
 
 pytestmark = [pytest.mark.integration, needs_browser]
@@ -45,6 +45,7 @@ def state(*, eta_s: float = 600.0, drones: Any = (), **members: Any) -> dict[str
         "station_names": {},
         "places": [{"station_id": "b", "position": [0, 0], "role": "DESTINATION"}],
         "drones": list(drones),
+        "shop": {"name": None, "colour": None, "text_colour": None},
         **members,
     }
 
@@ -70,6 +71,32 @@ def test_the_headline_says_only_what_is_known(
 
     expect(page.locator("#headline")).to_have_text(headline)
     expect(page.locator("#detail")).to_contain_text(detail)
+
+
+def test_the_head_shows_the_shop_and_a_package_its_station(stage: StagedPage) -> None:
+    branding = {"name": "Hill <b>Books</b>", "colour": "#0b6bcb", "text_colour": "#ffffff"}
+    stage.answers[f"{PAGE}/state"] = state(
+        shop=branding,
+        places=[{"station_id": "b", "position": [-97.88, 29.5], "role": "DESTINATION"}],
+    )
+    page = stage.open(PAGE).page
+    head = page.locator("#shop")
+
+    expect(head).to_have_text("Hill <b>Books</b>")
+    expect(head).to_have_css("background-color", "rgb(11, 107, 203)")
+    expect(page).to_have_title("Arrives at 12:10 – Hill <b>Books</b>")
+    card = page.locator("#packages article")
+    expect(card).to_contain_text("Pick-up place: B, 29.50000° north, 97.88000° west")
+    expect(card.locator("a")).to_have_attribute("href", "geo:29.5,-97.88")
+    assert serious_problems(page) == []
+
+
+def test_a_page_without_branding_shows_no_shop(stage: StagedPage) -> None:
+    stage.answers[f"{PAGE}/state"] = state()
+    page = stage.open(PAGE).page
+
+    expect(page.locator("#packages article")).to_be_visible()
+    expect(page.locator("#shop")).to_be_hidden()
 
 
 def test_a_hand_over_is_shown_with_what_the_drone_measured(stage: StagedPage) -> None:

@@ -20,15 +20,15 @@ export class RequestMarks {
     this.marks = [];
   }
 
-  show(network, {pickup, packages}, offered) {
+  show(network, {pickup, pickupPlace, packages}, offered) {
     const places = Object.fromEntries(stationsOf(network)
       .map(({geometry, properties}) => [properties.station_id, geometry.coordinates]));
     const destinations = packages.filter(({station_id}) => places[station_id]);
     this.marks.forEach((each) => each.remove());
     this.marks = [
-      ...(places[pickup] ? [mark("Pickup", "selected").setLngLat(places[pickup])] : []),
-      ...destinations.map(({package_id, station_id}) =>
-        mark(package_id, "drone").setLngLat(places[station_id])),
+      ...(places[pickup] ? [mark("Pickup", "selected").setLngLat(pickupPlace?.position ?? places[pickup])] : []),
+      ...destinations.map(({package_id, station_id, place}) =>
+        mark(package_id, "drone").setLngLat(place?.position ?? places[station_id])),
     ];
     this.marks.forEach((each) => each.addTo(this.fleetMap.map));
     const straight = destinations.map(({station_id}) => ({isChosen: false, ways: [[pickup, station_id]]}));

@@ -8,7 +8,8 @@ import {html} from "../html.js";
 import {openView} from "../routes.js";
 import {durationText, inWords, marginText, money, momentText, shortId, stationName} from "../words.js";
 import {attempt} from "./messages.js";
-import {beginAgain, offeredWays} from "./request_draft.js";
+import {OfferNotes} from "./offer_notes.js";
+import {beginAgain, offeredWays, people} from "./request_draft.js";
 import {ShareBar} from "./share_bar.js";
 
 const METRES_PER_KM = 1_000;
@@ -24,7 +25,7 @@ const p90Text = ({packages}) => {
 
 const wayText = (ways) => ways.map((way) => way.map(stationName).join(" – ")).join("; ");
 
-function OfferRow({offer, most, name, isOpen, isChosen, onChoose, onTake}) {
+function OfferRow({offer, quote, most, name, isOpen, isChosen, onChoose, onTake}) {
   const {price, delivery_time_s: time, distance_m: distance, recharges, energy_j: energy} = offer;
   return html`
     <tr data-offer=${offer.offer_id} class=${isChosen ? "chosen" : ""} onMouseEnter=${onChoose}
@@ -32,9 +33,9 @@ function OfferRow({offer, most, name, isOpen, isChosen, onChoose, onTake}) {
       <td><strong>${name}</strong><br /><small>${offer.drone_model_id}</small></td>
       <td>${money(price)}${offer.pooled_price && html`<br /><small>${money(offer.pooled_price)} if shared</small>`}<${ShareBar} share=${price.amount / most.price} kind="price" /></td>
       <td>${durationText(time)}<${ShareBar} share=${time / most.time} kind="time" /></td>
-      <td>${momentText(offer.pickup_at)}${offer.pickup_station_id && html`
+      <td data-label="Pickup">${momentText(offer.pickup_at)}${offer.pickup_station_id && html`
         <br /><small>${stationName(offer.pickup_station_id)}</small>`}</td>
-      <td>${momentText(lastAt(offer))}${p90Text(offer)}
+      <td data-label="Delivered">${momentText(lastAt(offer))}${p90Text(offer)}
         ${offer.packages.length > 1 && offer.packages.map(({package_id, eta_at}) => html`
           <br /><small>${package_id}: ${momentText(eta_at)}</small>`)}</td>
       <td>${(distance / METRES_PER_KM).toFixed(1)} km${recharges > 0
@@ -42,7 +43,8 @@ function OfferRow({offer, most, name, isOpen, isChosen, onChoose, onTake}) {
         ? `, ${offer.trips} trips` : ""}
         <br /><small>${Math.round(energy / JOULES_PER_WH)} Wh${offer.is_held ? ", kept for you" : ""}</small>
         <br /><small>${wayText(offer.ways)}</small>
-        ${marginText(offer.margins) && html`<br /><small>${marginText(offer.margins)}</small>`}</td>
+        ${marginText(offer.margins) && html`<br /><small>${marginText(offer.margins)}</small>`}
+        <${OfferNotes} offer=${offer} quote=${quote} /></td>
       <td><button class="main" disabled=${!isOpen} onClick=${onTake}
         aria-label=${`Take the offer of ${name}`}>Take it</button></td>
     </tr>`;
@@ -81,7 +83,7 @@ export function OfferTable({quote, names}) {
     await attempt(async () => {
       // The same offer is taken once, however often somebody presses the button.
       const headers = {"Idempotency-Key": `take-${offer_id}`};
-      const {delivery_id} = await post("/v1/deliveries", {quote_id, offer_id}, headers);
+      const {delivery_id} = await post("/v1/deliveries", {quote_id, offer_id, ...people()}, headers);
       beginAgain();
       openView("deliveries", delivery_id);
     }, "The delivery is requested.");
@@ -99,7 +101,7 @@ export function OfferTable({quote, names}) {
           <thead><tr><th>Provider</th><th>Price</th><th>Takes</th><th>Pickup</th><th>Delivered</th>
             <th>Way</th><th><span class="unseen">Take</span></th></tr></thead>
           <tbody>${offers.map((offer) => html`
-            <${OfferRow} key=${offer.offer_id} offer=${offer} most=${most}
+            <${OfferRow} key=${offer.offer_id} offer=${offer} quote=${quote} most=${most}
               name=${names[offer.provider_id] ?? shortId(offer.provider_id)}
               isOpen=${leftS > 0 && !isBusy} isChosen=${offer.offer_id === chosen}
               onChoose=${() => setChosen(offer.offer_id)} onTake=${() => take(offer)} />`)}</tbody>

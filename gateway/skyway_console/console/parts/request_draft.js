@@ -5,8 +5,10 @@ import {signal} from "@preact/signals";
 export const OBJECTIVES = ["FASTEST", "CHEAPEST", "GREENEST"];
 export const MOST_PACKAGES = 100;
 
-const newPackage = (number) => ({package_id: `p${number}`, mass_kg: "0.5", station_id: ""});
-const nothing = () => ({pickup: "", packages: [newPackage(1)], objective: "FASTEST", reference: "",
+const newPackage = (number) => ({package_id: `p${number}`, mass_kg: "0.5", station_id: "", place: null});
+const nobody = () => ({name: "", phone: "", email: "", instructions: ""});
+// A place is {label, position, station} of what is no station; its station stands beside it.
+const nothing = () => ({pickup: "", pickupPlace: null, walkM: "1000", contact: nobody(), packages: [newPackage(1)], objective: "FASTEST", reference: "",
   latest: "", isHeld: false, mayShare: false, waitMinutes: "0", withinM: "0"});
 
 // It outlives the view, so that a look at another view loses nothing.
@@ -29,35 +31,53 @@ function unusedPackage(packages) {
   return newPackage(number);
 }
 
-export function addPackage(stationId = "") {
+export function addPackage(stationId = "", place = null) {
   const {packages} = draft.value;
   if (packages.length >= MOST_PACKAGES) return;
-  change({packages: [...packages, {...unusedPackage(packages), station_id: stationId}]});
+  change({packages: [...packages, {...unusedPackage(packages), station_id: stationId, place}]});
 }
 
 export const removePackage = (number) =>
   change({packages: draft.value.packages.filter((_, n) => n !== number)});
 
-// A click on the map: the pickup first, then one destination after the other.
-export function chooseStation(stationId) {
+// The pickup first, then one destination after the other.
+export function choose(stationId, place = null, {isDestination = false} = {}) {
   const {pickup, packages} = draft.value;
   const open = packages.findIndex(({station_id}) => station_id === "");
-  if (pickup === "") change({pickup: stationId});
-  else if (open >= 0) changePackage(open, {station_id: stationId});
-  else addPackage(stationId);
+  if (pickup === "" && !isDestination) change({pickup: stationId, pickupPlace: place});
+  else if (open >= 0) changePackage(open, {station_id: stationId, place});
+  else addPackage(stationId, place);
+}
+
+// A place is sent as its point: quotes compare the stations near it.
+function placeOf(stationId, place, walkM) {
+  if (!place) return {station_id: stationId};
+  const [longitude, latitude] = place.position;
+  return {location: {latitude, longitude}, max_walk_m: Number(walkM)};
 }
 
 // The body of POST /v1/quotes. The browser's own time zone is that of all moments in the console.
 export function quoteRequest() {
-  const {pickup, packages, objective, reference, latest, isHeld, mayShare, waitMinutes, withinM} = draft.value;
+  const {pickup, pickupPlace, walkM, packages, objective, reference, latest, isHeld, mayShare, waitMinutes, withinM} = draft.value;
   const pooling = mayShare
     ? {pooling: true, pooling_wait_s: 60 * Number(waitMinutes), pickup_within_m: Number(withinM)} : {};
   return {
-    pickup: {station_id: pickup},
-    packages: packages.map(({package_id, mass_kg, station_id}) =>
-      ({package_id: package_id.trim(), mass_kg: Number(mass_kg), destination: {station_id}})),
+    pickup: placeOf(pickup, pickupPlace, walkM),
+    packages: packages.map(({package_id, mass_kg, station_id, place}) =>
+      ({package_id: package_id.trim(), mass_kg: Number(mass_kg), destination: placeOf(station_id, place, walkM)})),
     qos: {objective, ...pooling, ...(latest ? {deadline_at: new Date(latest).toISOString()} : {})},
     ...(reference.trim() ? {reference: reference.trim()} : {}),
     hold: isHeld,
+  };
+}
+
+// The members of POST /v1/deliveries that name people; quotes take none of them.
+export function people() {
+  const {instructions, ...contact} = draft.value.contact;
+  const recipient = Object.fromEntries(Object.entries(contact)
+    .map(([name, text]) => [name, text.trim()]).filter(([, text]) => text));
+  return {
+    ...(Object.keys(recipient).length ? {recipient} : {}),
+    ...(instructions.trim() ? {instructions: instructions.trim()} : {}),
   };
 }

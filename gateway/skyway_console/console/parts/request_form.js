@@ -2,6 +2,8 @@
 
 import {html} from "../html.js";
 import {inWords, stationName} from "../words.js";
+import {ContactFields} from "./contact_fields.js";
+import {ChosenPlace} from "./place_finder.js";
 import {MOST_PACKAGES, OBJECTIVES, addPackage, beginAgain, change, changePackage, draft, removePackage}
   from "./request_draft.js";
 
@@ -19,11 +21,13 @@ function PackageRow({each, number, stations, isOnly}) {
         title="Letters, digits, _ and -" onInput=${set("package_id")} /></label>
       <label>Mass in kg<input required type="number" min="0.001" max="1000" step="any"
         value=${each.mass_kg} onInput=${set("mass_kg")} /></label>
-      <label>To<select required value=${each.station_id} onChange=${set("station_id")}>
+      <label>To<select required value=${each.station_id} 
+        onChange=${({target}) => changePackage(number, {station_id: target.value, place: null})}>
         ${stationOptions(stations, "Station…")}
       </select></label>
       <button type="button" class="quiet small" disabled=${isOnly} aria-label=${`Remove package ${number + 1}`}
         onClick=${() => removePackage(number)}>✕</button>
+      <${ChosenPlace} place=${each.place} />
     </fieldset>`;
 }
 
@@ -52,7 +56,7 @@ function Wishes() {
 }
 
 export function RequestForm({stations, isBusy, onAsk, onRequest}) {
-  const {pickup, packages, mayShare} = draft.value;
+  const {pickup, pickupPlace, packages, mayShare} = draft.value;
   const ask = (event) => {
     event.preventDefault();
     if (event.submitter?.value === "request") onRequest();
@@ -60,14 +64,17 @@ export function RequestForm({stations, isBusy, onAsk, onRequest}) {
   };
   return html`
     <form class="request" aria-label="Request" onSubmit=${ask}>
-      <label>Pickup<select required value=${pickup} onChange=${({target}) => change({pickup: target.value})}>
+      <label>Pickup<select required value=${pickup} 
+        onChange=${({target}) => change({pickup: target.value, pickupPlace: null})}>
         ${stationOptions(stations, "Choose a station")}
       </select></label>
+      <${ChosenPlace} place=${pickupPlace} />
       ${packages.map((each, number) => html`
         <${PackageRow} key=${number} each=${each} number=${number} stations=${stations}
           isOnly=${packages.length === 1} />`)}
       <button type="button" class="quiet" disabled=${packages.length >= MOST_PACKAGES}
         onClick=${() => addPackage()}>Add a package</button>
+      <${ContactFields} />
       <${Wishes} />
       <div class="commands">
         <button class="main" disabled=${isBusy}>${isBusy ? "Asking…" : "Ask for offers"}</button>

@@ -8,12 +8,14 @@ import {html} from "../html.js";
 import {picture} from "../live.js";
 import {FleetMap} from "../map/fleet_map.js";
 import {RequestMarks} from "../map/request_marks.js";
-import {chooseStation, draft, offeredWays} from "./request_draft.js";
+import {choosePoint} from "./place_finder.js";
+import {choose, draft, offeredWays} from "./request_draft.js";
 
 export function RequestMap({network}) {
   const container = useRef(null);
   useEffect(() => {
-    const map = new FleetMap(container.current, ({stationId}) => stationId && chooseStation(stationId));
+    const map = new FleetMap(container.current, ({stationId, position}) =>
+      (stationId ? choose(stationId) : choosePoint(position, network)));
     const marks = new RequestMarks(map);
     // Stories in tests look for the place of a station on the screen.
     container.current.fleetMap = map;

@@ -2,6 +2,7 @@
 
 import {html} from "../html.js";
 import {isOperator, session} from "../session.js";
+import {BrandingForm} from "../parts/branding_form.js";
 import {AllKeys, OwnKey} from "../parts/key_list.js";
 import {WebhookList} from "../parts/webhook_list.js";
 
@@ -10,5 +11,5 @@ export const AccountView = () => html`
     <h1>${session.value.role === "customer" ? "Key and webhooks" : "Keys"}</h1>
     ${isOperator() && html`<${AllKeys} />`}
     <${OwnKey} />
-    ${session.value.role === "customer" && html`<${WebhookList} />`}
+    ${session.value.role === "customer" && html`<${WebhookList} /><${BrandingForm} />`}
   </div>`;

@@ -10,7 +10,8 @@ import {openView} from "../routes.js";
 import {stationName} from "../words.js";
 import {attempt} from "../parts/messages.js";
 import {OfferTable} from "../parts/offer_table.js";
-import {beginAgain, quoteRequest} from "../parts/request_draft.js";
+import {PlaceFinder} from "../parts/place_finder.js";
+import {beginAgain, people, quoteRequest} from "../parts/request_draft.js";
 import {RequestForm} from "../parts/request_form.js";
 import {RequestMap} from "../parts/request_map.js";
 import {ServiceStatus} from "../parts/service_status.js";
@@ -76,7 +77,7 @@ export function CustomerView() {
     setBusy(true);
     await attempt(async () => {
       const {hold, ...asked} = quoteRequest();
-      const {delivery_id} = await post("/v1/deliveries", asked);
+      const {delivery_id} = await post("/v1/deliveries", {...asked, ...people()});
       beginAgain();
       openView("deliveries", delivery_id);
     }, "The delivery is requested.");
@@ -92,10 +93,11 @@ export function CustomerView() {
       <h1>New delivery</h1>
       <div class="request-view">
         <div>
-          <p class="hint">Click stations on the map: the pickup first, then each destination. Or choose
-            them here.</p>
+          <p class="hint">Click stations or other places on the map: the pickup first, then each destination. Or
+            find and choose them here.</p>
           ${networks.value?.length > 0 && html`<${NetworkChoice} />`}
           <${ServiceStatus} networkId=${shownNetwork.value} />
+          <${PlaceFinder} network=${network} />
           <${RequestForm} stations=${named(network)} isBusy=${isBusy} onAsk=${ask} onRequest=${request} />
         </div>
         <div class="map-frame"><${RequestMap} network=${network} /></div>

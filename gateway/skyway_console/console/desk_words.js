@@ -1,0 +1,62 @@
+// Texts of the customer's and the provider's desk, in one place for those who translate them.
+
+import {durationText, percent} from "./words.js";
+
+export const WORDS = {
+  places: {
+    title: "Find a place",
+    query: "Address, plus code or coordinates",
+    example: "San Marcos, or 29.8833,-97.9414",
+    walk: "Farthest station, metres",
+    find: "Find",
+    nothing: "No station of this network is near such a place.",
+    pickUp: "Pick up here",
+    deliver: "Deliver here",
+    point: "A point on the map",
+    served: (station, metres) => `${station}, ${metres} m in a straight line`,
+    uses: (isPickup, walk) => `${isPickup ? "Pickup" : "Hand-over"} at ${walk}`,
+    chosen: (label, walk) => `${label}: ${walk}`,
+  },
+  contact: {
+    title: "Who takes the packages (optional)",
+    name: "Name of the recipient",
+    phone: "Phone",
+    phoneForm: "With + and the code of the country, such as +15125550100",
+    email: "E-mail",
+    instructions: "Instructions",
+  },
+  earned: {
+    by: "Earnings of the month by",
+    day: "Day",
+    drone: "Drone",
+    route: "Route",
+    csv: "Earnings as CSV",
+    archived: "archived",
+    counted: "Deliveries",
+    amount: "Earned",
+  },
+  statements: {
+    month: "Month (UTC)",
+    none: "No lines in this month.",
+    open: "The month is open: its sums may still change.",
+    closed: (day) => `Closed on ${day}: it does not change any more.`,
+    counted: (deliveries, lines) => `${deliveries} deliveries, ${lines} lines of the ledger.`,
+    print: "Page to print",
+    csv: "Statements as CSV",
+    linesCsv: "Lines as CSV",
+    lines: "Lines",
+    more: "There are more lines: save them as CSV.",
+    pays: (party) => `${party} pays`,
+    gets: (party) => `${party} gets`,
+  },
+};
+
+// What a customer gets back by the terms of an offer, one sentence each.
+export function termsText({cancellation, late}) {
+  const {until_loaded: loaded, in_flight: flying} = cancellation;
+  const first = loaded === 0 ? "free until loaded" : `${percent(loaded)} of the price once booked`;
+  const steps = late.map(({after_min: minutes, share}) =>
+    `${percent(share)} if more than ${durationText(60 * minutes)} late`);
+  return [`Cancellation: ${first}, ${percent(flying)} after that.`,
+    steps.length ? `Back: ${steps.join(", ")}.` : "Nothing back for lateness."];
+}

@@ -1,0 +1,45 @@
+// What providers earned in a month by day, drone or route.
+
+import {useEffect, useState} from "preact/hooks";
+
+import {all, part, saveCsv} from "../api.js";
+import {WORDS} from "../desk_words.js";
+import {html} from "../html.js";
+import {pathTo} from "../routes.js";
+import {money, shortId, stationName} from "../words.js";
+import {attempt} from "./messages.js";
+
+const TEXTS = WORDS.earned;
+const stationText = (id) => (id ? stationName(id) : TEXTS.archived);
+
+const NAMES = {
+  day: ({day}) => day,
+  drone: ({drone_id: id}) => (id ? html`<a href=${pathTo("map", "drone", id)}>${shortId(id)}</a>` : TEXTS.archived),
+  route: ({from_station_id: from, to_station_id: to}) => `${stationText(from)} – ${stationText(to)}`,
+};
+
+export function Earned({month}) {
+  const [by, setBy] = useState("day");
+  const [found, setFound] = useState(null);
+  const path = `/v1/statements/earnings?by=${by}&month=${part(month)}`;
+  useEffect(() => {
+    let isOld = false;
+    attempt(async () => {
+      const items = await all(path);
+      if (!isOld) setFound({by, items});
+    });
+    return () => (isOld = true);
+  }, [path]);
+  return html`
+    <div class="fields"><label>${TEXTS.by}<select value=${by} onChange=${({target}) => setBy(target.value)}>
+      ${Object.keys(NAMES).map((each) => html`<option value=${each}>${TEXTS[each]}</option>`)}
+    </select></label></div>
+    <div class="commands"><button onClick=${() => attempt(() => saveCsv(`${path}&limit=200`, `earnings-${by}-${month}.csv`))}>
+      ${TEXTS.csv}</button></div>
+    ${found && html`<div class="table"><table aria-label=${TEXTS.by}>
+      <thead><tr><th>${TEXTS[found.by]}</th><th>${TEXTS.counted}</th><th>${TEXTS.amount}</th></tr></thead>
+      <tbody>${found.items.map((each) => html`
+        <tr><td>${NAMES[found.by](each)}</td><td class="number">${each.deliveries}</td>
+          <td class="number">${money(each)}</td></tr>`)}</tbody>
+    </table></div>`}`;
+}
