@@ -72,6 +72,7 @@ async def test_a_check_of_homes_says_what_drones_meet_there(composition: Any, ma
     alone["features"] = [each for each in alone["features"] if each["geometry"]["type"] == "Point"]
     for feature in alone["features"]:
         feature["properties"] |= {"pads": 1, "pad_connectors": ["type-2"]}
+    alone["settings"] = {"price_ceiling": 900}
     await composition("operator:op", "PUT", "/v1/networks/other", alone)
     query = {"station_ids": ["c", "z", "nowhere"], "as_homes": True}
 
@@ -79,8 +80,8 @@ async def test_a_check_of_homes_says_what_drones_meet_there(composition: Any, ma
 
     assert answer.json()["isolated"] == ["z"]
     assert answer.json()["networks"] == {
-        "row": {"currency": "USD", "connectors": None},
-        "other": {"currency": "USD", "connectors": ["type-2"]},
+        "row": {"currency": "USD", "connectors": None, "price_ceiling": None},
+        "other": {"currency": "USD", "connectors": ["type-2"], "price_ceiling": 900},
     }
 
 
