@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import Depends, Query, Response
 from pydantic import Field
 
+from skyway.contracts.business_faults import BUSINESS_FAULTS, BusinessFaults
 from skyway.contracts.drone_report import AlarmLevel
 from skyway.contracts.drones import DRONE_ALARMS, DroneAlarm
 from skyway.contracts.message import FleetMoment
@@ -111,6 +112,27 @@ def drone_alarm_routes(*, db: Database, gate: ServiceGate, mint: Mint) -> Servic
                     drone_id=requested.drone_id,
                     data=requested.data,
                 )
+        return Response(status_code=204)
+
+    return router
+
+
+def business_alarm_routes(
+    *, db: Database, gate: ServiceGate, clock: FleetClock, mint: Mint
+) -> ServiceRouter:
+    """POST /internal/business-faults."""
+    router = ServiceRouter(tags=("internal",))
+
+    @router.post(BUSINESS_FAULTS, status_code=204)
+    async def set_business_faults(
+        caller: Annotated[Caller, Depends(gate)],
+        present: Annotated[BusinessFaults, Depends(internal_body(BusinessFaults))],
+    ) -> Response:
+        """Raise an alarm for each new fault of these, and end the alarms about all others."""
+        caller.must_be_service("registry")
+        at_ms = moment_to_ms(clock.now())
+        async with db.write() as tx:
+            await alarm_store.set_business_faults(tx, present.faults, at_ms=at_ms, mint=mint)
         return Response(status_code=204)
 
     return router

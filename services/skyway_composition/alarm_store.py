@@ -1,15 +1,27 @@
 """Alarms: problems that an operator must look at and acknowledge, with all their SQL."""
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, get_args
 
 from pydantic import Field
-from sqlalchemy import ColumnElement, Row, delete, exists, func, insert, select, update
+from sqlalchemy import (
+    ColumnElement,
+    Row,
+    and_,
+    delete,
+    exists,
+    func,
+    insert,
+    or_,
+    select,
+    update,
+)
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.contracts.business_faults import BusinessFault, BusinessFaultCode
 from skyway.contracts.drone_report import AlarmLevel
 from skyway.ids import AlarmId, DroneId, MissionId, ProviderId, StationId
 from skyway.json_model import JsonModel
@@ -18,6 +30,7 @@ from skyway.runtime.sql.database import Tx
 from skyway.units import ms_to_moment
 from skyway_composition.tables import alarms, missions
 from skyway_composition.tables import is_open as is_mission_open
+from skyway_composition.tables.missions import DAY_MS
 
 AlarmState = Literal["OPEN", "ACKNOWLEDGED"]
 
@@ -133,6 +146,8 @@ OF_TROUBLE: Final = frozenset({"REVISIONS_REFUSED", "DIVERSION_IMPOSSIBLE", "FAI
 OF_SYSTEM: Final = frozenset({"MISSIONS_UNKNOWN"})
 #: Alarms of the registry, which says when they end.
 OF_REGISTRY: Final = frozenset({"MAINTENANCE_DUE"})
+#: Alarms about settings with which a provider gets no deliveries. The registry names them all.
+OF_BUSINESS: Final[frozenset[str]] = frozenset(get_args(BusinessFaultCode))
 
 
 async def end(
@@ -151,12 +166,51 @@ async def end(
             alarms.c.mission_id.is_not_distinct_from(mission_id),
             alarms.c.code.in_(sorted(codes)),
         )
-        .values(
-            acknowledged_ms=at_ms,
-            acknowledged_by=_ENDED_BY,
-            note="this is over; the alarm has ended by itself",
+        .values(_ended(at_ms))
+    )
+
+
+def _ended(at_ms: int) -> dict[str, int | str]:
+    """The columns of an alarm that has ended by itself."""
+    note = "this is over; the alarm has ended by itself"
+    return {"acknowledged_ms": at_ms, "acknowledged_by": _ENDED_BY, "note": note}
+
+
+async def set_business_faults(
+    tx: Tx, faults: Iterable[BusinessFault], *, at_ms: int, mint: Mint
+) -> None:
+    """Raise an alarm for each new fault, and end the alarms about faults that are mended.
+
+    A person who acknowledges such an alarm is reminded after a day of fleet time.
+    """
+    is_open = alarms.c.acknowledged_ms.is_(None)
+    is_by_person = alarms.c.acknowledged_by != _ENDED_BY
+    # A drone that raises alarms chooses their codes, but those name the drone.
+    found = await tx.execute(
+        select(alarms).where(
+            alarms.c.drone_id.is_(None),
+            alarms.c.code.in_(sorted(OF_BUSINESS)),
+            or_(is_open, and_(is_by_person, alarms.c.acknowledged_ms > at_ms - DAY_MS)),
         )
     )
+    present = {(each.provider_id, each.code, each.detail): each for each in found}
+    wanted = {(each.provider_id, each.code, each.detail): each for each in faults}
+    for what, alarm in present.items():
+        if what not in wanted and alarm.acknowledged_ms is None:
+            this = alarms.c.alarm_id == alarm.alarm_id
+            await tx.execute(update(alarms).where(this).values(_ended(at_ms)))
+    for what, fault in wanted.items():
+        if what not in present:
+            await add(
+                tx,
+                level="WARNING",
+                code=fault.code,
+                detail=fault.detail,
+                at_ms=at_ms,
+                mint=mint,
+                provider_id=fault.provider_id,
+                data={"network_id": fault.network_id},
+            )
 
 
 async def has_room(

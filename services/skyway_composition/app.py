@@ -30,7 +30,11 @@ from skyway.runtime.peer_secrets import read_secret
 from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
-from skyway_composition.alarm_routes import alarm_routes, drone_alarm_routes
+from skyway_composition.alarm_routes import (
+    alarm_routes,
+    business_alarm_routes,
+    drone_alarm_routes,
+)
 from skyway_composition.closures.routes import area_routes, place_routes, span_routes
 from skyway_composition.gauges import CompositionGauges
 from skyway_composition.links.renewal_routes import renewal_routes
@@ -143,6 +147,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             span_routes(gate=gate, closings=parts.closings),
             alarm_routes(db=db, gate=gate, clock=clock),
             drone_alarm_routes(db=db, gate=gate, mint=parts.mint),
+            business_alarm_routes(db=db, gate=gate, clock=clock, mint=parts.mint),
             renewal_routes(db=db, gate=gate),
             quarantine_routes(db=db, gate=gate, replays=parts.replays),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),

@@ -9,7 +9,7 @@ from skyway.contracts.mission import OPEN_MISSION_STATES
 from skyway.runtime.metrics import Gauge, GaugeSource
 from skyway.runtime.outbox.outbox_store import OutboxGauges
 from skyway.units import moment_to_ms
-from skyway_composition import gauge_store
+from skyway_composition import alarm_store, gauge_store
 from skyway_composition.missions.timeout_store import unknown_missions
 from skyway_composition.parts import Parts
 from skyway_composition.tables import outbox
@@ -19,6 +19,7 @@ from skyway_composition.tables import outbox
 ALARM_CODES: Final = frozenset(
     {
         *(fault.value for fault in Fault),
+        *alarm_store.OF_BUSINESS,
         "DIVERSION_IMPOSSIBLE",
         "DRONE_JUMPED",
         "FAILSAFE_ACTIVE",

@@ -38,6 +38,7 @@ from skyway_provider_registry.fleets.all_drones_routes import (
     live_routes,
     quota_routes,
 )
+from skyway_provider_registry.fleets.announce_business import BusinessAnnouncer
 from skyway_provider_registry.fleets.announce_renewals import CompositionNotice, RenewalAnnouncer
 from skyway_provider_registry.fleets.credential_routes import credential_routes
 from skyway_provider_registry.fleets.drone_model_routes import drone_model_routes
@@ -66,6 +67,8 @@ PACKAGE: Final = "skyway_provider_registry"
 #: Seconds of wall time between two checks that the password file is written and was read.
 _PASSWORDS_EVERY_S: Final = 1.0
 _SWEEP_EVERY_S: Final = 600.0
+#: Seconds of wall time between two looks for settings with which drones get no deliveries.
+_BUSINESS_EVERY_S: Final = 60.0
 #: Seconds of wall time between two transactions of the messages of drones.
 _PRESENCE_EVERY_S: Final = 0.5
 #: Seconds of wall time between two transactions of telemetry, and between two rounds of thinning.
@@ -206,11 +209,13 @@ def openapi_app() -> FastAPI:
 def _start_leading(loops: Loops, parts: Parts, keep_times: KeepTimes) -> None:
     """Start the loops that only the leader runs, for all replicas."""
     renewals = RenewalAnnouncer(parts.db, parts.clock, CompositionNotice(parts.servers))
+    business = BusinessAnnouncer(parts.db, parts.stations, parts.servers)
     looks = parts.membership.looks
     for name, step, every_s, polls in (
         ("thinning", Thinning(parts.db, parts.clock, keep_times).step, _THINNING_EVERY_S, always),
         ("alarms", AlarmAnnouncer(parts.db, parts.servers).step, 1.0, looks),
         ("renewals", renewals.step, 1.0, looks),
+        ("business", business.step, _BUSINESS_EVERY_S, looks),
         ("idempotency", partial(_sweep, parts), _SWEEP_EVERY_S, always),
     ):
         led = LeaderStep(parts.membership, step)

@@ -27,6 +27,10 @@ class NetworkFacts(WireModel):
     connectors: Annotated[
         tuple[ConnectorId, ...] | None, Field(description="All connectors of its pads.")
     ]
+    price_ceiling: Annotated[
+        int | None,
+        Field(description="The most that a booking without `max_price` costs; null: no limit."),
+    ] = None
 
 
 class StationCheck(WireModel):

@@ -78,6 +78,7 @@ def test_each_code_either_ends_by_itself_or_says_why_a_person_ends_it() -> None:
 
     about_missions = alarm_store.OF_DOUBT | alarm_store.OF_TROUBLE
     ending = about_missions | alarm_store.OF_SYSTEM | alarm_store.OF_REGISTRY
+    ending |= alarm_store.OF_BUSINESS
     assert by_itself == ending
     assert by_person == (ALARM_CODES - set(Fault) - ending) | {"REVISIONS_REFUSED"}
 

@@ -14,6 +14,7 @@ OF_REGISTRY = {
     "/internal/networks/1/stations",
     "/internal/renewed-credentials",
     "/internal/drone-alarms",
+    "/internal/business-faults",
 }
 
 

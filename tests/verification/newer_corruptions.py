@@ -411,6 +411,25 @@ _REGISTRY: Final = (
     ),
 )
 
+_TEST_MODE: Final = (
+    Corruption(
+        "a live delivery given to a test account",
+        "a delivery's id says whether its customer is a test account",
+        gateway="UPDATE deliveries SET customer_id = 'test_thief' WHERE delivery_id = :completed",
+    ),
+    Corruption(
+        "a live delivery that the sandbox plays",
+        "a test delivery has the reports of its own missions, in order",
+        gateway="INSERT INTO sandbox_missions SELECT 'msn_1', delivery_id, 1, '{}', '[]', 0, NULL"
+        " FROM deliveries WHERE delivery_id = :completed",
+    ),
+    Corruption(
+        "a test delivery that composition knows",
+        "composition knows no test delivery",
+        composition="INSERT INTO deliveries (delivery_id) VALUES ('dlv_test_1')",
+    ),
+)
+
 NEWER_CORRUPTIONS: Final = (
     *_PROMISES,
     *_DELIVERIES,
@@ -418,5 +437,6 @@ NEWER_CORRUPTIONS: Final = (
     *_SHARED,
     *_COMPOSITION,
     *_PROOFS,
+    *_TEST_MODE,
     *_REGISTRY,
 )

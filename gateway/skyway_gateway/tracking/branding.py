@@ -8,7 +8,7 @@ from skyway.json_model import JsonModel
 from skyway_gateway.personal_data.details import one_line
 
 ShopName = Annotated[str, Field(min_length=1, max_length=60), AfterValidator(one_line)]
-Colour = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
+Colour = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$", max_length=7)]
 
 #: Added to both luminances of a contrast (Web Content Accessibility Guidelines 2.2).
 _FLARE: Final = 0.05

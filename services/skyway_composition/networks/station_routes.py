@@ -208,6 +208,7 @@ def _facts(skyway: PreparedNetwork) -> NetworkFacts:
     return NetworkFacts(
         currency=skyway.settings.currency,
         connectors=None if fits_all else tuple(sorted(connectors.named)),
+        price_ceiling=skyway.settings.price_ceiling,
     )
 
 

@@ -62,8 +62,8 @@ async def changed_columns(
         values["is_in_maintenance"] = requested.state == "MAINTENANCE"
     if requested.home_station_id is not None:
         check = await stations.check([requested.home_station_id])
-        for _, detail in home_faults(requested.home_station_id, model, tariff, check):
-            raise InvalidInput("home_station_id", detail)
+        for fault in home_faults(requested.home_station_id, model, tariff, check):
+            raise InvalidInput("home_station_id", fault.detail)
         position = check.positions[requested.home_station_id]
         values["home_station_id"] = requested.home_station_id
         values["network_id"] = check.network_ids[requested.home_station_id]
@@ -184,7 +184,9 @@ def _of_one(
 ) -> Iterator[tuple[str, str]]:
     if drone.model_id not in models:
         yield "model_id", unknown_name("drone model that you may use", drone.model_id, models)
-    yield from home_faults(drone.home_station_id, models.get(drone.model_id), tariff, check)
+    model = models.get(drone.model_id)
+    for fault in home_faults(drone.home_station_id, model, tariff, check):
+        yield fault.field, fault.detail
 
 
 def taken_faults(new_drones: Sequence[NewDrone], taken: Collection[str]) -> list[RegistrationFault]:

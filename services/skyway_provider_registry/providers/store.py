@@ -1,12 +1,14 @@
 """All SQL of the providers; each query finds only providers that its caller may see."""
 
 from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
 
 from sqlalchemy import ColumnElement, false, func, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.delivery.offer import Tariff
-from skyway.ids import ProviderId, StationId
+from skyway.ids import DroneModelId, NetworkId, ProviderId, StationId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
@@ -16,6 +18,16 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.change_store import mark_providers
 from skyway_provider_registry.providers.provider import Provider, ProviderChange
 from skyway_provider_registry.tables import drones, providers
+
+
+class DroneKind(NamedTuple):
+    """Drones of one provider that have the same model and home."""
+
+    provider_id: ProviderId
+    network_id: NetworkId
+    model_id: DroneModelId
+    home_station_id: StationId
+    tariff: Tariff
 
 
 def owned(caller: Caller, provider_id: ColumnElement[str]) -> ColumnElement[bool]:
@@ -98,6 +110,25 @@ async def homes(connection: AsyncConnection, provider_id: ProviderId) -> Sequenc
         .group_by(drones.c.network_id)
     )
     return list((await connection.execute(statement)).scalars())
+
+
+async def kinds_of_drones(connection: AsyncConnection) -> Sequence[DroneKind]:
+    """The kinds of drones of all active providers, sorted."""
+    names = (
+        providers.c.provider_id,
+        drones.c.network_id,
+        drones.c.model_id,
+        drones.c.home_station_id,
+    )
+    query = (
+        select(*names, providers.c.tariff)
+        .join_from(providers, drones, drones.c.provider_id == providers.c.provider_id)
+        .where(providers.c.state == "ACTIVE")
+        .distinct()
+        .order_by(*names)
+    )
+    tariff_of = lru_cache(Tariff.read)  # most kinds of a provider share one
+    return [DroneKind(*row[:4], tariff_of(row.tariff)) for row in await connection.execute(query)]
 
 
 async def _one(

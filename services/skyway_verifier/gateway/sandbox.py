@@ -27,7 +27,10 @@ async def _mixed(survey: Survey) -> list[str]:
 
 async def _wrong_scripts(survey: Survey) -> list[str]:
     """Missions of the sandbox whose columns, plan and reports do not belong together."""
-    applied = {row.mission_id: row.report_seq for row in await survey.rows(select(missions))}
+    played = select(missions.c.mission_id, missions.c.report_seq).where(
+        missions.c.mission_id.in_(select(sandbox_missions.c.mission_id))
+    )
+    applied = {row.mission_id: row.report_seq for row in await survey.rows(played)}
     return [
         row.mission_id
         async for row in survey.each(select(sandbox_missions))

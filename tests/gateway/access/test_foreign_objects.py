@@ -8,7 +8,7 @@ from typing import Any, Final
 import pytest
 
 from tests.gateway.access.test_route_matrix import GUARDED, Operation
-from tests.gateway.whole_gateway import Gateway
+from tests.gateway.whole_gateway import Gateway, make_request
 
 #: The objects of customers that the gateway keeps.
 _IDS: Final = ("delivery_id", "webhook_id", "quote_id")
@@ -51,10 +51,23 @@ async def ids(gateway: Gateway, request_body: Callable[..., Any]) -> dict[str, s
     webhook = await gateway.http.post("/v1/webhooks", json=body, headers=gateway.customer)
     quote = await gateway.http.post("/v1/quotes", json=request_body(), headers=gateway.customer)
     return {
-        "delivery_id": await gateway.planned(),
+        "delivery_id": await _signed(gateway),
         "webhook_id": webhook.json()["webhook_id"],
         "quote_id": quote.json()["quote_id"],
     }
+
+
+async def _signed(gateway: Gateway) -> str:
+    """The id of a delivery under way, for whose package a recipient has signed."""
+    requested = make_request()
+    requested["packages"][0]["dropoff_verification"] = {"method": "SIGNATURE"}
+    delivery_id: str = (await gateway.post(requested)).json()["delivery_id"]
+    while await gateway.book_next():
+        pass
+    signed = """UPDATE proofs SET signature = '{"name": "Ana Ruiz"}', given_by = 'RECIPIENT',
+        given_ms = 1"""
+    await gateway.execute(signed)
+    return delivery_id
 
 
 def absent(object_id: str) -> str:
@@ -64,7 +77,7 @@ def absent(object_id: str) -> str:
 
 def call_of(operation: Operation, name: str, object_id: str) -> tuple[str, str, Any]:
     """The method, the path with this id, and a body."""
-    url = operation.path.replace(f"{{{name}}}", object_id)
+    url = operation.path.replace(f"{{{name}}}", object_id).replace("{package_id}", "p1")
     example = operation.body.get("example") if operation.body else None
     return operation.method, url, _BODIES.get(operation.name, example)
 
@@ -139,5 +152,5 @@ async def test_keys_look_alike_to_all_but_operators(gateway: Gateway, role: str)
 def test_every_object_of_customers_is_tried() -> None:
     tried = {name for each in OF_CUSTOMERS for name in re.findall(r"\{(\w+)\}", each.path)}
 
-    assert tried == set(_IDS)
+    assert tried == {*_IDS, "package_id"}
     assert len(OF_CUSTOMERS) > 12

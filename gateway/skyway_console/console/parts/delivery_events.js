@@ -11,7 +11,7 @@ export const TYPES = [
   ...LAST,
   ...["requested", "changed", "scheduled", "planned", "dispatched"]
     .map((name) => `delivery.${name}`),
-  ...["loaded", "started", "delayed", "replanned"]
+  ...["loaded", "started", "proof_awaited", "delayed", "replanned"]
     .map((name) => `delivery.${name}`),
   ...["delivered", "returned", "stranded", "cancelled"].map((name) => `package.${name}`),
 ];

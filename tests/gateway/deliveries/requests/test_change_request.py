@@ -62,6 +62,26 @@ async def test_a_booked_delivery_gets_another_destination(gateway_on_both: Gatew
     assert await gateway.broken() == []
 
 
+async def test_a_booked_delivery_gets_and_loses_a_proof(gateway: Gateway) -> None:
+    delivery_id = await gateway.planned()
+    signed = {"package_id": "p1", "dropoff_verification": {"method": "SIGNATURE", "wait_s": 120}}
+
+    asked = (await change(gateway, delivery_id, packages=[signed])).json()
+    await booked(gateway)
+    booked_with = gateway.composition.asked[-1].request.packages[0].dropoff_verification
+    without = {"package_id": "p1", "dropoff_verification": None}
+    after = (await change(gateway, delivery_id, packages=[without])).json()
+
+    assert asked["packages"][0]["dropoff_proof"]["method"] == "SIGNATURE"
+    assert booked_with is not None
+    assert (booked_with.method, booked_with.wait_s) == ("SIGNATURE", 120)
+    assert after["packages"][0]["dropoff_proof"] is None
+    assert [data["changed"] for data in await changes_of(gateway, delivery_id)] == [
+        ["packages.p1.dropoff_verification"],
+        ["packages.p1.dropoff_verification"],
+    ]
+
+
 async def test_a_delivery_whose_drone_has_left_stays_as_it_is(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     gateway.composition.has_left.add(delivery_id)
