@@ -129,7 +129,7 @@ drone_models = Table(
     metadata,
     Column("model_id", Text, primary_key=True),
     Column("model", Text, nullable=False),  # JSON of skyway.drone.model.DroneModel
-    # The provider that added it, and may replace it.
+    # The provider that added it, may replace it, and alone uses it; null: it is in the catalogue.
     Column("provider_id", Text, ForeignKey("providers.provider_id"), nullable=True),
 )
 

@@ -9,7 +9,7 @@ from urllib.parse import quote
 import typer
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
-from skyway.cli.gateway import call_gateway, fail, gateway_and_key
+from skyway.cli.gateway import call_gateway, check_answer, fail, open_answer
 from skyway.cli.moments import moment_reader
 from skyway.cli.outlook_text import delay_text
 from skyway.json_text import json_value
@@ -255,8 +255,6 @@ open_app: Final = typer.Typer(
     no_args_is_help=True,
 )
 
-_TIMEOUT_S: Final = 30.0
-
 ClosureArgument = Annotated[
     str, typer.Argument(metavar="ID", help="The id that `skyway closures` prints.")
 ]
@@ -325,16 +323,9 @@ def _lift(folder: DataFolder, path: str, closure_id: str) -> None:
 
 def _all_closures(folder: DataFolder) -> dict[str, Any]:
     """All closures by id, which the first event of the live picture holds."""
-    import httpx
-
-    url, key = gateway_and_key(folder)
-    headers = {"Authorization": f"Bearer {key}"}
-    live = f"{url}/v1/live?kinds=closures"
-    try:
-        with httpx.stream("GET", live, headers=headers, timeout=_TIMEOUT_S) as answer:
-            answer.raise_for_status()
-            events = (line[6:] for line in answer.iter_lines() if line.startswith("data: "))
-            closures: dict[str, Any] = json.loads(next(events, "{}")).get("closures", {})
-    except httpx.HTTPError as error:
-        fail(f"no answer from {url}: {error}. Is `skyway up` running?")
+    live = "/v1/live?kinds=closures"
+    with open_answer("GET", live, folder=folder) as answer:
+        check_answer(answer, f"GET {live}")
+        events = (line[6:] for line in answer.iter_lines() if line.startswith("data: "))
+        closures: dict[str, Any] = json.loads(next(events, "{}")).get("closures", {})
     return closures

@@ -6,6 +6,7 @@ import shlex
 import time
 import uuid
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NoReturn, Self
 
@@ -66,12 +67,20 @@ def call_gateway(
         body=body,
         idempotency_key=idempotency_key,
     )
+    check_answer(answer, f"{method} {path}", options=options)
+    return answer.json() if answer.content else None
+
+
+def check_answer(
+    answer: "httpx.Response", call: str, *, options: Mapping[str, str] = MappingProxyType({})
+) -> None:
+    """End the command if the gateway refused the call; say which cells gave no answer."""
     if not answer.is_success:
+        answer.read()
         problem = _with_options(problem_of(answer), options)
-        fail(f"{method} {path} was answered {answer.status_code}: {problem}")
+        fail(f"{call} was answered {answer.status_code}: {problem}")
     if silent := answer.headers.get(_SILENT_CELLS):
         typer.echo(f"without {silent}, which gave no answer", err=True)
-    return answer.json() if answer.content else None
 
 
 def ask_gateway(
@@ -84,15 +93,45 @@ def ask_gateway(
     idempotency_key: str | None = None,
 ) -> "httpx.Response":
     """What the gateway answers, also if it refuses the call; the command ends without an answer."""
+    with open_answer(
+        method,
+        path,
+        folder=folder,
+        key_name=key_name,
+        body=body,
+        idempotency_key=idempotency_key,
+    ) as answer:
+        answer.read()
+    return answer
+
+
+@contextmanager
+def open_answer(
+    method: str,
+    path: str,
+    *,
+    folder: DataFolder,
+    key_name: str | None = None,
+    body: bytes | None = None,
+    idempotency_key: str | None = None,
+    accept: str | None = None,
+) -> Iterator["httpx.Response"]:
+    """The gateway's answer, whose body is read as it arrives; `accept` is its media type."""
     import httpx
 
-    headers = {} if body is None else {"Content-Type": "application/json"}
+    url, key = gateway_and_key(folder, key_name)
+    headers = {"Authorization": f"Bearer {key}"}
+    if body is not None:
+        headers["Content-Type"] = "application/json"
     if idempotency_key is not None:
         headers["Idempotency-Key"] = idempotency_key
-    url, key = gateway_and_key(folder, key_name)
-    headers["Authorization"] = f"Bearer {key}"
+    if accept is not None:
+        headers["Accept"] = accept
     try:
-        return httpx.request(method, url + path, content=body, headers=headers, timeout=_TIMEOUT_S)
+        with httpx.stream(
+            method, url + path, content=body, headers=headers, timeout=_TIMEOUT_S
+        ) as answer:
+            yield answer
     except (httpx.TransportError, httpx.InvalidURL) as error:
         fail(f"no answer from {url}: {error}. Is `skyway up` running?")
 

@@ -42,6 +42,7 @@ _COMMANDS: Final = {
     "verify": "verify:verify_command",
     "doctor": "doctor:doctor_command",
     "network": "network:network_app",
+    "api": "api:api_command",
 }
 
 #: The first line of the help of each subcommand.
@@ -83,6 +84,7 @@ _SUMMARIES: Final = {
     "doctor": "Ask database, broker and gateway, and say what is missing; exit code 1 when "
     "something is.",
     "network": "Build, show, publish and fetch skyway networks.",
+    "api": "Call any route of the REST API, and print its answer.",
 }
 
 

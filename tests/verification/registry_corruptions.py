@@ -83,6 +83,12 @@ _REGISTRY: Final = (
         registry="UPDATE drones SET model_id = 'pigeon' WHERE drone_id = :flying_drone",
     ),
     Corruption(
+        "a drone of a model that another provider has for itself",
+        "a drone's model is its provider's own or in the catalogue",
+        registry="INSERT INTO drone_models SELECT model_id, '{}', 'prv_other' FROM drones"
+        " WHERE drone_id = :flying_drone",
+    ),
+    Corruption(
         "a charge above full",
         "a drone's charge and place are possible",
         registry="UPDATE presence SET soc = 7.5 WHERE drone_id = :flying_drone",

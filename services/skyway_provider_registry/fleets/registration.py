@@ -183,7 +183,7 @@ def _of_one(
     check: StationCheck,
 ) -> Iterator[tuple[str, str]]:
     if drone.model_id not in models:
-        yield "model_id", unknown_name("drone model", drone.model_id, models)
+        yield "model_id", unknown_name("drone model that you may use", drone.model_id, models)
     model = models.get(drone.model_id)
     for fault in home_faults(drone.home_station_id, model, tariff, check):
         yield fault.field, fault.detail

@@ -44,7 +44,7 @@ from skyway_provider_registry.fleets.registration import (
 )
 from skyway_provider_registry.fleets.registration_forms import GOOD_DRY_RUN, DryRun, OneOrMany
 from skyway_provider_registry.fleets.statistics_store import FleetStatistics, totals
-from skyway_provider_registry.fleets.store import every_model
+from skyway_provider_registry.fleets.store import usable_models
 from skyway_provider_registry.homes import StationLookup
 from skyway_provider_registry.presence import learned_store
 from skyway_provider_registry.presence.drone_presence import SILENCE
@@ -207,7 +207,7 @@ def registration_routes(
     ) -> tuple[Mapping[DroneModelId, DroneModel], StationCheck]:
         async with context.db.read() as connection:
             provider = await providers.of_caller(connection, caller, provider_id=provider_id)
-            models = await every_model(connection)
+            models = await usable_models(connection, provider_id)
         check = await stations.check(drone.home_station_id for drone in new_drones)
         faults = faults_of(new_drones, models=models, tariff=provider.tariff, check=check)
         _refuse(faults, raw=raw)

@@ -252,8 +252,28 @@ async def every_model(connection: AsyncConnection) -> Models:
     return dict(sorted(models.items()))
 
 
+async def model_owners(connection: AsyncConnection) -> Mapping[DroneModelId, ProviderId]:
+    """The owner of each model that is not in the catalogue: no other provider may use it."""
+    owned = drone_models.c.provider_id.is_not(None)
+    query = select(drone_models.c.model_id, drone_models.c.provider_id).where(owned)
+    return {row.model_id: row.provider_id for row in await connection.execute(query)}
+
+
+async def usable_models(connection: AsyncConnection, provider_id: ProviderId) -> Models:
+    """The models of the catalogue and the provider's own, sorted by id."""
+    owners, models = await model_owners(connection), await every_model(connection)
+    return {
+        model_id: model
+        for model_id, model in models.items()
+        if owners.get(model_id, provider_id) == provider_id
+    }
+
+
 async def put_model(tx: Tx, model: DroneModel, caller: Caller) -> bool:
-    """Store a model under its id; True when the id is new. A provider's new model is its own.
+    """Store a model under its id; True when the id is new.
+
+    A provider's new model is its own. What an operator stores is in the catalogue from then on,
+    also with the values that it had: so a provider cannot change a model while it is approved.
 
     Raises
     ------
@@ -263,11 +283,11 @@ async def put_model(tx: Tx, model: DroneModel, caller: Caller) -> bool:
         while plans use them. Or the provider has as many models as it may have.
     """
     previous = (await every_model(tx.connection)).get(model.model_id)
-    if previous == model:
+    if previous == model and (caller.role == "provider" or model.model_id in DRONE_MODELS):
         return False
     if model.model_id in DRONE_MODELS:
         raise Conflict("NAMED_MODEL", f"{model.model_id} is one of Skyway's own drone models")
-    if previous is not None and await _has_drones(tx, model.model_id):
+    if previous not in (None, model) and await _has_drones(tx, model.model_id):
         raise Conflict(
             "MODEL_IN_USE", f"drones of model {model.model_id} are registered: choose another id"
         )
@@ -284,7 +304,7 @@ async def put_model(tx: Tx, model: DroneModel, caller: Caller) -> bool:
     stored = await tx.execute(
         statement.on_conflict_do_update(
             index_elements=["model_id"],
-            set_={"model": statement.excluded.model},
+            set_={name: statement.excluded[name] for name in ("model", "provider_id")},
             where=may_replace,
         ).returning(drone_models.c.model_id)
     )

@@ -59,7 +59,9 @@ def battery_routes(context: Context) -> ServiceRouter:
         requested: NewBattery, provider_id: ProviderId, model: DroneModel | None
     ) -> NewBatteryRow:
         if model is None:
-            raise InvalidInput("model_id", f"no drone model is called {requested.model_id!r}")
+            raise InvalidInput(
+                "model_id", f"no drone model that you may use is called {requested.model_id!r}"
+            )
         return NewBatteryRow(
             battery_id=BatteryId(context.mint("bat")),
             provider_id=provider_id,
@@ -100,7 +102,9 @@ def battery_routes(context: Context) -> ServiceRouter:
         if query.dry_run:
             async with context.db.read() as connection:
                 await providers.of_caller(connection, caller, provider_id=provider_id)
-                rows = rows_of(requested, provider_id, await store.every_model(connection))
+                rows = rows_of(
+                    requested, provider_id, await store.usable_models(connection, provider_id)
+                )
                 await battery_store.refuse_too_many(connection, provider_id, new=len(rows))
                 serials = [each.requested.serial for each in rows]
                 taken = await battery_store.taken_serials(connection, provider_id, serials)
@@ -108,7 +112,9 @@ def battery_routes(context: Context) -> ServiceRouter:
             return Response(status_code=204)
         async with context.db.write() as tx:
             await providers.of_caller(tx.connection, caller, provider_id=provider_id)
-            rows = rows_of(requested, provider_id, await store.every_model(tx.connection))
+            rows = rows_of(
+                requested, provider_id, await store.usable_models(tx.connection, provider_id)
+            )
             await battery_store.add(tx, rows)
             ids = [each.battery_id for each in rows]
             stored = await battery_store.some(tx.connection, provider_id, ids)
@@ -237,8 +243,10 @@ def maintenance_routes(context: Context) -> ServiceRouter:
         caller.must_be("operator", "provider")
         async with context.db.write() as tx:
             await providers.of_caller(tx.connection, caller, provider_id=provider_id)
-            if model_id not in await store.every_model(tx.connection):
-                raise InvalidInput("model_id", f"no drone model is called {model_id!r}")
+            if model_id not in await store.usable_models(tx.connection, provider_id):
+                raise InvalidInput(
+                    "model_id", f"no drone model that you may use is called {model_id!r}"
+                )
             await maintenance_store.put_rule(
                 tx, provider_id, model_id, requested, at=context.clock.now()
             )

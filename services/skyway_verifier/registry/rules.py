@@ -167,6 +167,13 @@ _DRONES: Final = (
         "drone show in composition's `missions.candidate`.",
     ),
     Rule(
+        "a drone's model is its provider's own or in the catalogue",
+        select(drones.c.drone_id)
+        .join(drone_models, drone_models.c.model_id == drones.c.model_id)
+        .where(drone_models.c.provider_id != drones.c.provider_id),
+        "Approve the model: an operator sends it again (PUT /v1/drone-models/{id}).",
+    ),
+    Rule(
         "a drone's charge and place are possible",
         any_of(
             presence.c.drone_id,

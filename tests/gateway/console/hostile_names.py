@@ -225,7 +225,7 @@ ANSWERS: Final[dict[str, Any]] = {
     "/v1/drones": _page(_DRONE),
     DRONES: _page(_DRONE),
     f"{DRONES}/drn_1/telemetry": {"items": [{"at": MOMENT, "position": [0, 0], "soc": 0.5}]},
-    "/v1/drone-models": _page({"model_id": MARKUP}),
+    "/v1/drone-models": _page({"model_id": MARKUP, "provider_id": None}),
     "/v1/missions": _page(_WAITING_MISSION),
     "/v1/alarms": _page(_ALARM),
     "/v1/closures": _page(_CLOSURE),

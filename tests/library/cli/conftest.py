@@ -14,7 +14,7 @@ class Gateway(ThreadingHTTPServer):
     """Answers each call as `answers` says, and records all calls.
 
     A key of `answers` is a method and a path, without its query or with it; a value is a status and
-    a body. A body is JSON, or the bytes to send.
+    a body. A body is JSON, or the bytes to send; `headers` has the headers of such bytes.
     """
 
     daemon_threads = True
@@ -22,6 +22,7 @@ class Gateway(ThreadingHTTPServer):
     def __init__(self) -> None:
         super().__init__(("127.0.0.1", 0), _Handler)
         self.answers: dict[tuple[str, str], tuple[int, Any]] = {}
+        self.headers: dict[bytes, dict[str, str]] = {}
         self.calls: list[tuple[str, str, Any]] = []
         #: The queries of the calls that have one.
         self.queries: list[str] = []
@@ -48,8 +49,14 @@ class _Handler(BaseHTTPRequestHandler):
         unknown = (404, {"detail": "no route"})
         without_query = answers.get((self.command, path), unknown)
         status, body = answers.get((self.command, self.path), without_query)
-        content = body if isinstance(body, bytes) else json.dumps(body).encode()
+        content, headers = body, {"Content-Type": "application/json"}
+        if isinstance(body, bytes):
+            headers = self.server.headers.get(body, {})
+        else:
+            content = json.dumps(body).encode()
         self.send_response(status)
+        for name, value in headers.items():
+            self.send_header(name, value)
         self.send_header("Content-Length", str(len(content)))
         self.end_headers()
         self.wfile.write(content)

@@ -33,7 +33,7 @@ async def test_a_new_model_can_be_flown(api: Any) -> None:
     drone = await api.drone(provider_id, model_id="pelican")
     read = await api(f"provider:{provider_id}", "GET", "/v1/drone-models/pelican")
     assert made.status_code == 201
-    assert read.json() == made.json() == drone["model"]
+    assert read.json() == made.json() == {**drone["model"], "provider_id": None}
 
 
 async def test_the_same_model_again_is_not_new(api: Any) -> None:
@@ -114,6 +114,55 @@ async def test_a_provider_replaces_only_models_that_it_added(api: Any) -> None:
         assert (refused.status_code, refused.json()["code"]) == (409, "OTHERS_MODEL")
     pelican = (await api("customer:c", "GET", "/v1/drone-models/pelican")).json()
     assert pelican["max_payload_kg"] == MODEL["max_payload_kg"]
+
+
+async def test_a_providers_model_is_its_own_until_an_operator_approves_it(api: Any) -> None:
+    first, second = await api.provider(), await api.provider()
+    heron = "/v1/drone-models/heron"
+    await api(f"provider:{first}", "PUT", heron, _named("heron"))
+    await api.drone(first, model_id="heron")
+    body = {"model_id": "heron", "home_station_id": "s1"}
+    battery = {"model_id": "heron", "serial": "TB60"}
+    fleet = f"/v1/providers/{second}"
+
+    refused = [
+        await api(f"provider:{second}", "POST", f"{fleet}/drones", body),
+        await api("operator:op", "POST", f"{fleet}/batteries", battery),
+        await api("operator:op", "PUT", f"{fleet}/maintenance-rules/heron", {"every_cycles": 5}),
+    ]
+    listed = (await api(f"provider:{second}", "GET", heron)).json()
+    approved = await api("operator:op", "PUT", heron, listed)
+
+    assert [answer.status_code for answer in refused] == [422] * 3
+    assert refused[0].json()["errors"][0]["field"] == "model_id"
+    assert listed["provider_id"] == first
+    assert (approved.status_code, approved.json()["provider_id"]) == (200, None)
+    assert (await api.drone(second, model_id="heron"))["model"]["model_id"] == "heron"
+
+
+async def test_an_approved_model_is_not_its_providers_any_more(api: Any) -> None:
+    provider = f"provider:{await api.provider()}"
+    await api(provider, "PUT", "/v1/drone-models/heron", _named("heron"))
+    await api("operator:op", "PUT", "/v1/drone-models/heron", _named("heron"))
+
+    changed = {**_named("heron"), "max_payload_kg": 4.0}
+    answer = await api(provider, "PUT", "/v1/drone-models/heron", changed)
+
+    assert (answer.status_code, answer.json()["code"]) == (409, "OTHERS_MODEL")
+
+
+async def test_a_model_is_not_sent_with_another_owner(api: Any) -> None:
+    first, second = await api.provider(), await api.provider()
+    body = {**_named("heron"), "provider_id": first}
+    own = await api(f"provider:{first}", "PUT", "/v1/drone-models/heron", body)
+
+    others = {**body, "provider_id": second, "max_payload_kg": 4.0}
+    wrong = await api("operator:op", "PUT", "/v1/drone-models/heron", others)
+
+    kept = (await api("operator:op", "GET", "/v1/drone-models/heron")).json()
+    assert (own.status_code, own.json()["provider_id"]) == (201, first)
+    assert (wrong.status_code, wrong.json()["errors"][0]["field"]) == (422, "provider_id")
+    assert (kept["provider_id"], kept["max_payload_kg"]) == (first, 3.0)
 
 
 async def test_a_provider_adds_a_limited_number_of_models(api: Any) -> None:

@@ -8,11 +8,12 @@ import {stationsOf} from "../map/features.js";
 import {listNetworks, networkContent} from "../networks.js";
 import {stationName} from "../words.js";
 
-async function readChoices() {
+async function readChoices(providerId) {
   const [models, networks] = await Promise.all([all("/v1/drone-models"), listNetworks()]);
   const contents = await Promise.all(networks.map(({network_id}) => networkContent(network_id)));
   const stations = contents.flatMap(stationsOf).map(({properties}) => properties.station_id).sort();
-  return {models: models.map(({model_id}) => model_id), stations};
+  const usable = models.filter(({provider_id}) => [null, providerId].includes(provider_id));
+  return {models: usable.map(({model_id}) => model_id), stations};
 }
 
 function droneOf(form) {
@@ -26,11 +27,11 @@ function droneOf(form) {
   };
 }
 
-export function DroneForm({onRegister}) {
+export function DroneForm({providerId, onRegister}) {
   const [choices, setChoices] = useState({models: [], stations: []});
   useEffect(() => {
-    readChoices().then(setChoices, () => null);
-  }, []);
+    readChoices(providerId).then(setChoices, () => null);
+  }, [providerId]);
   async function register(event) {
     event.preventDefault();
     const form = event.target;

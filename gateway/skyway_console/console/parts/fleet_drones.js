@@ -46,5 +46,5 @@ export function FleetDrones({providerId}) {
       hint=${`It is shown only now. The drone exchanges it once for its own credentials${
         token.until ? `, until ${dayText(token.until)}` : ""}.`} />`}
     <h2>New drone</h2>
-    <${DroneForm} onRegister=${register} />`;
+    <${DroneForm} providerId=${providerId} onRegister=${register} />`;
 }
