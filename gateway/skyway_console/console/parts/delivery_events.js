@@ -11,7 +11,7 @@ export const TYPES = [
   ...LAST,
   ...["requested", "changed", "scheduled", "planned", "dispatched"]
     .map((name) => `delivery.${name}`),
-  ...["loaded", "started", "delayed", "replanned"]
+  ...["loaded", "started", "delayed", "replanned", "proof_awaited"]
     .map((name) => `delivery.${name}`),
   ...["delivered", "returned", "stranded", "cancelled"].map((name) => `package.${name}`),
 ];
@@ -47,12 +47,14 @@ function followEvents(url, take) {
   };
 }
 
-export function DeliveryEvents({path}) {
+export function DeliveryEvents({path, onProofAwaited}) {
   const [events, setEvents] = useState([]);
   useEffect(() => {
     setEvents([]);
-    return followEvents(`${path}/events`,
-      (event) => setEvents((before) => withEvent(before, event)));
+    return followEvents(`${path}/events`, (event) => {
+      setEvents((before) => withEvent(before, event));
+      if (event.type === "delivery.proof_awaited") onProofAwaited();
+    });
   }, [path]);
   return html`
     <ol class="timeline" aria-label="What happened">
