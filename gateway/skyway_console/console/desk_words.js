@@ -41,6 +41,16 @@ export const WORDS = {
     confirm: "My customer has it",
     confirmed: "The hand-over is confirmed.",
   },
+  keys: {
+    mode: "Live or test",
+    live: "Live",
+    test: "Test",
+    newTest: "New test key",
+    about: "With a test key a developer tries everything: the sandbox plays its deliveries, no drone moves, and nothing is paid. "
+      + "The console asks for your API key before it makes one. At the terminal: skyway sandbox.",
+    name: "Name (optional)",
+    make: "Make the test key",
+  },
   earned: {
     by: "Earnings of the month by",
     day: "Day",
