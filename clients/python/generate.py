@@ -63,7 +63,11 @@ def _run_generator(folder: Path) -> None:
 
 
 def only_answers(document: Json) -> Json:
-    """The document without problems, which are raised, event streams, and other forms than JSON."""
+    """The document without what `skyway_client` does not generate.
+
+    Problems are raised. Streams have `Skyway.events`. Drones alone upload pictures. Of an answer's
+    forms JSON is kept. A picture is bytes.
+    """
     kept = json.loads(json.dumps(document))
     kept.pop("webhooks", None)
     for operations in kept["paths"].values():
@@ -73,13 +77,17 @@ def only_answers(document: Json) -> Json:
                 for status, answer in operations[method]["responses"].items()
                 if status.startswith("2")
             }
-            if any("text/event-stream" in each.get("content", {}) for each in answers.values()):
+            is_upload = "image/jpeg" in operations[method].get("requestBody", {}).get("content", {})
+            forms = [form for each in answers.values() for form in each.get("content", {})]
+            if is_upload or "text/event-stream" in forms:
                 del operations[method]
             else:
                 operations[method]["responses"] = answers
             for answer in answers.values():
                 if json_form := answer.get("content", {}).get("application/json"):
                     answer["content"] = {"application/json": json_form}
+                elif picture := answer.get("content", {}).get("image/jpeg"):
+                    answer["content"] = {"application/octet-stream": picture}
     return kept
 
 

@@ -61,3 +61,13 @@ def test_a_shop_orders_follows_and_verifies_with_the_typescript_client(
     printed = run("node", story, url, key, "tsshop-s1", "tsshop-s3", cwd=story.parent)
 
     assert printed.splitlines()[-1] == "COMPLETED"
+
+
+def test_a_shop_plays_its_day_with_a_test_key_in_typescript(story: Path, system: Any) -> None:
+    """No network is published, and no drone flies."""
+    url, key = (system.keys[f"SKYWAY_{name}"] for name in ("GATEWAY_URL", "CUSTOMER_KEY"))
+    made = system.call("POST", "/v1/keys", key=key, body={"livemode": False}).json()
+
+    printed = run("node", story, url, made["key"], "harbour", "library", cwd=story.parent)
+
+    assert printed.splitlines()[-1] == "COMPLETED"

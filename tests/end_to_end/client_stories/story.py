@@ -1,4 +1,4 @@
-"""A shop's day with `skyway_client`: quote, accept, change, follow, webhook, list, statement.
+"""A shop's day with `skyway_client`: quote, accept, change, PIN, webhook, list, statement.
 
 The arguments are read in `main`. The system has a network and drones that can fly it.
 """
@@ -9,12 +9,14 @@ import threading
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import ClassVar
 
+import httpx
 import pytest
 from skyway_client import AsyncSkyway, NotVerified, Skyway, problems, read_notification
 from skyway_client.api.deliveries import (
     change_delivery,
     create_delivery,
     get_delivery,
+    get_tracking_link,
     list_deliveries,
 )
 from skyway_client.api.quotes import create_quote
@@ -26,6 +28,9 @@ from skyway_client.models import (
     CustomerPlace,
     DeliveryChange,
     DeliveryCompletedEvent,
+    DeliveryProofAwaitedEvent,
+    DropoffVerification,
+    DropoffVerificationMethod,
     NewWebhook,
     OfferChoice,
     QuoteRequest,
@@ -59,7 +64,10 @@ class Shop(BaseHTTPRequestHandler):
 def order(skyway: Skyway, start: str, end: str) -> RequestedDelivery:
     """Ask for offers, and accept the best one."""
     destination = CustomerPlace(station_id=end)
-    package = CustomerPackage(package_id="p1", mass_kg=0.8, destination=destination)
+    proof = DropoffVerification(method=DropoffVerificationMethod.PIN, wait_s=900)
+    package = CustomerPackage(
+        package_id="p1", mass_kg=0.8, destination=destination, dropoff_verification=proof
+    )
     request = QuoteRequest(pickup=CustomerPlace(station_id=start), packages=[package])
     quote = skyway.send(create_quote(body=request))
     choice = OfferChoice(quote_id=quote.quote_id, offer_id=quote.offers[0].offer_id)
@@ -70,6 +78,25 @@ def order(skyway: Skyway, start: str, end: str) -> RequestedDelivery:
     changed = skyway.send(change_delivery(delivery.delivery_id, body=change))
     assert changed.instructions == change.instructions
     return delivery
+
+
+def follow(skyway: Skyway, delivery_id: str) -> list[DeliveryEvent]:
+    """All events of a delivery. When the drone waits for the PIN, the recipient types it."""
+    events: list[DeliveryEvent] = []
+    for event in skyway.events(delivery_id):
+        events.append(event)
+        if isinstance(event, DeliveryProofAwaitedEvent):
+            type_pin(skyway, delivery_id)
+    return events
+
+
+def type_pin(skyway: Skyway, delivery_id: str) -> None:
+    """Type the PIN as the tracking page does: it needs no key."""
+    [package] = skyway.send(get_delivery(delivery_id)).packages
+    assert package.dropoff_proof
+    page = skyway.send(get_tracking_link(delivery_id)).tracking_url
+    typed = {"package_id": package.package_id, "pin": package.dropoff_proof.pin}
+    httpx.post(f"{page}/proof", json=typed).raise_for_status()
 
 
 def spent(skyway: Skyway, event: DeliveryEvent) -> int:
@@ -95,9 +122,12 @@ def main() -> None:
         Shop.secret = skyway.send(create_webhook(body=hook)).secret
         threading.Thread(target=server.serve_forever, daemon=True).start()
         delivery = order(skyway, start, end)
-        events = list(skyway.events(delivery.delivery_id))
+        events = follow(skyway, delivery.delivery_id)
         assert [event.sequence for event in events] == list(range(1, len(events) + 1))
         done = skyway.send(get_delivery(delivery.delivery_id))
+        [package] = done.packages
+        assert package.dropoff_proof
+        assert package.dropoff_proof.given_by == "RECIPIENT"
         assert Shop.has_last.wait(LONGEST_WAIT_S)
         assert spent(skyway, events[-1]) > 0
     server.shutdown()

@@ -1,4 +1,4 @@
-// A shop's day with `@skyway/client`: quote, accept, change, follow, webhook, list, statement.
+// A shop's day with `@skyway/client`: quote, accept, change, PIN, webhook, list, statement.
 // The arguments are the gateway's URL, a customer's key, the pickup and the destination. The system
 // has a network and drones that can fly it.
 
@@ -30,7 +30,9 @@ const hook = { url: `http://127.0.0.1:${port}/skyway` }
 secret = (await answer(skyway.api.POST('/v1/webhooks', { body: hook }))).secret
 
 // It asks for offers, and accepts the best one, once.
-const item = { package_id: 'p1', mass_kg: 0.8, destination: { station_id: end } }
+const dropoff_verification = { method: 'PIN' as const, wait_s: 900 }
+const destination = { station_id: end }
+const item = { package_id: 'p1', mass_kg: 0.8, destination, dropoff_verification }
 const body = { pickup: { station_id: start }, packages: [item] }
 const quote = await answer(skyway.api.POST('/v1/quotes', { body }))
 const offer_id = quote.offers[0]?.offer_id ?? ''
@@ -43,13 +45,28 @@ const change = { params: { path }, body: { instructions } }
 const changed = await answer(skyway.api.PATCH('/v1/deliveries/{delivery_id}', change))
 assert.equal(changed.instructions, instructions)
 
+// The recipient types the PIN as the tracking page does: it needs no key.
+const call = { params: { path } }
+async function typePin() {
+  const { packages } = await answer(skyway.api.GET('/v1/deliveries/{delivery_id}', call))
+  const link = skyway.api.GET('/v1/deliveries/{delivery_id}/tracking-link', call)
+  const { tracking_url } = await answer(link)
+  const body = JSON.stringify({ package_id: 'p1', pin: packages[0]?.dropoff_proof?.pin })
+  const headers = { 'content-type': 'application/json' }
+  const typed = await fetch(`${tracking_url}/proof`, { method: 'POST', headers, body })
+  assert.equal(typed.status, 204)
+}
+
 // It follows the delivery, finds it in the list, and has to pay for it.
 const events: string[] = []
 let month = ''
 for await (const event of skyway.events(delivery_id)) {
   events.push(event.type)
   month = event.occurred_at.slice(0, 7)
+  if (event.type === 'delivery.proof_awaited') await typePin()
 }
+const done = await answer(skyway.api.GET('/v1/deliveries/{delivery_id}', call))
+assert.equal(done.packages[0]?.dropoff_proof?.given_by, 'RECIPIENT')
 await isCompleted
 assert.deepEqual(received, events)
 assert.throws(() => readNotification(secret, { 'webhook-signature': 'v1,AA==' }, '{}'))

@@ -103,6 +103,18 @@ def test_an_address_becomes_a_destination_with_its_station_and_walk(page: Page) 
     assert body["packages"][0]["destination"] == place
 
 
+def test_a_package_is_ordered_with_its_proof(page: Page) -> None:
+    page.get_by_role("combobox", name="Pickup").select_option("a")
+    page.get_by_role("combobox", name="To", exact=True).select_option("b")
+
+    plain = asked_body(page, "Ask for offers", "/v1/quotes")
+    page.get_by_label("Proof of the hand-over").select_option("PIN")
+    proven = asked_body(page, "Ask for offers", "/v1/quotes")
+
+    assert "dropoff_verification" not in plain["packages"][0]
+    assert proven["packages"][0]["dropoff_verification"] == {"method": "PIN"}
+
+
 def test_a_station_that_is_chosen_later_replaces_the_place(page: Page) -> None:
     page.get_by_role("combobox", name="Pickup").select_option("a")
     choose_address(page, "Deliver here")
@@ -134,8 +146,8 @@ def test_a_click_beside_the_stations_chooses_the_point(stage: StagedPage, page: 
 def test_coordinates_and_plus_codes_are_asked_as_such(stage: StagedPage, page: Page) -> None:
     for typed in ("29.88, -97.94", "V3M5+8C San Marcos"):
         page.get_by_label("Address, plus code").fill(typed)
-        page.get_by_role("button", name="Find", exact=True).click()
-        expect(page.get_by_role("list", name="Places")).to_be_visible()
+        with page.expect_response("**/v1/places**"):
+            page.get_by_role("button", name="Find", exact=True).click()
 
     searched = [parse_qs(each.partition("?")[2]) for each in stage.asked if "/v1/places" in each]
     assert searched[0]["latitude"] == ["29.88"]

@@ -47,12 +47,14 @@ function followEvents(url, take) {
   };
 }
 
-export function DeliveryEvents({path}) {
+export function DeliveryEvents({path, onProofAwaited}) {
   const [events, setEvents] = useState([]);
   useEffect(() => {
     setEvents([]);
-    return followEvents(`${path}/events`,
-      (event) => setEvents((before) => withEvent(before, event)));
+    return followEvents(`${path}/events`, (event) => {
+      setEvents((before) => withEvent(before, event));
+      if (event.type === "delivery.proof_awaited") onProofAwaited();
+    });
   }, [path]);
   return html`
     <ol class="timeline" aria-label="What happened">

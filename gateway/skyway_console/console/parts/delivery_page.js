@@ -12,6 +12,7 @@ import {confirm} from "./confirm_dialog.js";
 import {DeliveryAudit} from "./delivery_audit.js";
 import {DeliveryEvents} from "./delivery_events.js";
 import {Facts} from "./facts.js";
+import {HandOverProofs} from "./hand_over_proofs.js";
 import {StepList} from "./step_list.js";
 import {TrackingBox} from "./tracking_box.js";
 
@@ -26,14 +27,13 @@ function useDelivery(path, deliveryId) {
   const [problem, setProblem] = useState("");
   // The live picture says when the delivery has changed.
   const live = picture.deliveries.value[deliveryId];
-  useEffect(() => {
-    get(path).then(setDelivery, (refusal) => setProblem(refusal.message));
-  }, [path, live]);
+  const read = () => void get(path).then(setDelivery, (refusal) => setProblem(refusal.message));
+  useEffect(read, [path, live]);
   const handedOver = delivery?.packages.filter(({delivered_at}) => delivered_at).length ?? 0;
   useEffect(() => {
     if (handedOver > 0) get(`${path}/proof`).then(setProof, () => null);
   }, [path, handedOver]);
-  return {delivery, proof, problem};
+  return {delivery, proof, problem, read};
 }
 
 function Packages({packages}) {
@@ -113,11 +113,12 @@ function sharedText({qos}, missions, state) {
 
 export function DeliveryPage({deliveryId, path: part}) {
   const path = `/v1/deliveries/${part}`;
-  const {delivery, proof, problem} = useDelivery(path, deliveryId);
+  const {delivery, proof, problem, read} = useDelivery(path, deliveryId);
   if (!delivery) return html`<div class="page"><p class="refused">${problem}</p></div>`;
   const live = picture.deliveries.value[deliveryId];
   const {state, activity, code, detail, request, pickup, price, provider_id: provider} = {...delivery, ...live};
   const missions = delivery.missions ?? [];
+  const packages = delivery.packages.map((each) => ({...each, ...live?.packages?.[each.package_id]}));
   return html`
     <div class="page">
       <p><a href=${pathTo("deliveries")}>All deliveries</a></p>
@@ -137,9 +138,10 @@ export function DeliveryPage({deliveryId, path: part}) {
       ]} />
       ${!OVER.includes(state) && html`<button onClick=${() => askToCancel(path, deliveryId)}>Cancel the delivery</button>`}
       <h2>Packages</h2>
-      <${Packages} packages=${delivery.packages.map((each) => ({...each, ...live?.packages?.[each.package_id]}))} />
+      <${Packages} packages=${packages} />
+      <${HandOverProofs} packages=${packages} path=${path} onGiven=${read} />
       <div class="columns">
-        <section><h2>What happened</h2><${DeliveryEvents} path=${path} /><${Proof} proof=${proof} /></section>
+        <section><h2>What happened</h2><${DeliveryEvents} path=${path} onProofAwaited=${read} /><${Proof} proof=${proof} /></section>
         <section><h2>Plan</h2><${Missions} missions=${missions} />
           ${session.value.role === "customer" && html`<${TrackingBox} path=${path} />`}
           ${isOperator() && html`<${DeliveryAudit} path=${path} missions=${missions}

@@ -1,5 +1,6 @@
-// The form of a new API key: for whom, its name, its end, and what it allows.
+// The forms of a new API key, for whom, its name, its end, and what it allows, and of a test key.
 
+import {WORDS} from "../desk_words.js";
 import {html} from "../html.js";
 import {inWords} from "../words.js";
 
@@ -48,5 +49,19 @@ export function KeyForm({onMake}) {
         </fieldset>
       </details>
       <div class="commands"><button class="main">Make the key</button></div>
+    </form>`;
+}
+
+export function TestKeyForm({onMake}) {
+  async function make(event) {
+    event.preventDefault();
+    const form = event.target;
+    const name = new FormData(form).get("name").trim();
+    if (await onMake({livemode: false, ...(name ? {name} : {})})) form.reset();
+  }
+  return html`
+    <form class="fields" aria-label=${WORDS.keys.newTest} onSubmit=${make}>
+      <label>${WORDS.keys.name}<input name="name" maxlength="100" placeholder="ci" /></label>
+      <div class="commands"><button class="main">${WORDS.keys.make}</button></div>
     </form>`;
 }

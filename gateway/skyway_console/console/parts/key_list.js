@@ -1,11 +1,13 @@
-// API keys: operators list, make and delete them; each holder gets the next key of the own one.
+// API keys: operators list, make and delete them, and customers their test keys; each holder gets the next key of the own one.
 
 import {useEffect, useState} from "preact/hooks";
 
 import {all, call, part, post} from "../api.js";
+import {WORDS} from "../desk_words.js";
 import {html} from "../html.js";
+import {isOperator} from "../session.js";
 import {dayText, inWords} from "../words.js";
-import {KeyForm} from "./key_form.js";
+import {KeyForm, TestKeyForm} from "./key_form.js";
 import {attempt} from "./messages.js";
 import {SecretBox} from "./secret_box.js";
 import {SureButton} from "./sure_button.js";
@@ -15,19 +17,21 @@ function secretsOf({key, mqtt}) {
 }
 
 function KeyRow({each, onDelete}) {
-  const {key_id, role, subject_id, name, scopes, created_wall_at, expires_wall_at} = each;
+  const {key_id, role, subject_id, name, livemode, scopes, created_wall_at, expires_wall_at} = each;
   return html`
     <tr>
       <td>${name && html`${name}<br />`}<small>${key_id}</small></td>
       <td>${subject_id}<br /><small>${inWords(role)}</small></td>
+      <td>${livemode ? WORDS.keys.live : html`<span class="tag">${WORDS.keys.test}</span>`}</td>
       <td>${scopes ? scopes.join(", ") : "all of its role"}</td>
       <td>${dayText(created_wall_at)}</td>
       <td>${expires_wall_at ? dayText(expires_wall_at) : "never"}</td>
-      <td><${SureButton} verb="Delete" label=${`Delete key ${name ?? key_id}`} onSure=${onDelete} /></td>
+      <td>${(isOperator() || !livemode) && html`
+        <${SureButton} verb="Delete" label=${`Delete key ${name ?? key_id}`} onSure=${onDelete} />`}</td>
     </tr>`;
 }
 
-export function AllKeys() {
+export function KeyList() {
   const [keys, setKeys] = useState([]);
   const [made, setMade] = useState(null);
   const read = () => attempt(async () => setKeys(await all("/v1/keys")));
@@ -45,15 +49,15 @@ export function AllKeys() {
   return html`
     <h2>Keys</h2>
     <div class="table"><table aria-label="Keys">
-      <thead><tr><th>Name</th><th>For</th><th>Allows</th><th>Made</th><th>Ends</th>
+      <thead><tr><th>Name</th><th>For</th><th>${WORDS.keys.mode}</th><th>Allows</th><th>Made</th><th>Ends</th>
         <th><span class="unseen">Delete</span></th></tr></thead>
       <tbody>${keys.map((each) => html`
         <${KeyRow} key=${each.key_id} each=${each} onDelete=${() => remove(each)} />`)}</tbody>
     </table></div>
     ${made && html`<${SecretBox} title="The new key" secrets=${secretsOf(made)} onClose=${() => setMade(null)}
       hint="It is shown only now. Nobody can read it again." />`}
-    <h2>New key</h2>
-    <${KeyForm} onMake=${make} />`;
+    ${isOperator() ? html`<h2>New key</h2><${KeyForm} onMake=${make} />`
+      : html`<h2>${WORDS.keys.newTest}</h2><p>${WORDS.keys.about}</p><${TestKeyForm} onMake=${make} />`}`;
 }
 
 export function OwnKey() {

@@ -5,7 +5,7 @@ import {signal} from "@preact/signals";
 export const OBJECTIVES = ["FASTEST", "CHEAPEST", "GREENEST"];
 export const MOST_PACKAGES = 100;
 
-const newPackage = (number) => ({package_id: `p${number}`, mass_kg: "0.5", station_id: "", place: null});
+const newPackage = (number) => ({package_id: `p${number}`, mass_kg: "0.5", station_id: "", place: null, proof: ""});
 const nobody = () => ({name: "", phone: "", email: "", instructions: ""});
 // A place is {label, position, station} of what is no station; its station stands beside it.
 const nothing = () => ({pickup: "", pickupPlace: null, walkM: "1000", contact: nobody(), packages: [newPackage(1)], objective: "FASTEST", reference: "",
@@ -63,8 +63,9 @@ export function quoteRequest() {
     ? {pooling: true, pooling_wait_s: 60 * Number(waitMinutes), pickup_within_m: Number(withinM)} : {};
   return {
     pickup: placeOf(pickup, pickupPlace, walkM),
-    packages: packages.map(({package_id, mass_kg, station_id, place}) =>
-      ({package_id: package_id.trim(), mass_kg: Number(mass_kg), destination: placeOf(station_id, place, walkM)})),
+    packages: packages.map(({package_id, mass_kg, station_id, place, proof}) =>
+      ({package_id: package_id.trim(), mass_kg: Number(mass_kg), destination: placeOf(station_id, place, walkM),
+        ...(proof ? {dropoff_verification: {method: proof}} : {})})),
     qos: {objective, ...pooling, ...(latest ? {deadline_at: new Date(latest).toISOString()} : {})},
     ...(reference.trim() ? {reference: reference.trim()} : {}),
     hold: isHeld,

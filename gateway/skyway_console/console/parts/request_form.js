@@ -1,5 +1,6 @@
 // The form of a request. All that a click on the map chooses can be chosen here by keyboard, too.
 
+import {WORDS} from "../desk_words.js";
 import {html} from "../html.js";
 import {inWords, stationName} from "../words.js";
 import {ContactFields} from "./contact_fields.js";
@@ -28,6 +29,9 @@ function PackageRow({each, number, stations, isOnly}) {
       <button type="button" class="quiet small" disabled=${isOnly} aria-label=${`Remove package ${number + 1}`}
         onClick=${() => removePackage(number)}>✕</button>
       <${ChosenPlace} place=${each.place} />
+      <label class="wide">${WORDS.proof.title}<select value=${each.proof} onChange=${set("proof")}>
+        ${Object.entries(WORDS.proof.methods).map(([method, text]) => html`<option value=${method}>${text}</option>`)}
+      </select></label>
     </fieldset>`;
 }
 
