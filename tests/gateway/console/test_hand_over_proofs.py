@@ -47,8 +47,8 @@ def test_a_customer_sees_the_pin_and_confirms_while_the_drone_waits(stage: Stage
     waiting = package("p1", state="IN_TRANSIT", proof=PIN, proof_wait=AWAITED)
     stage.answers[PATH] = delivery("dlv_1", packages=[waiting])
     event = {"event_id": "e1", "type": "delivery.proof_awaited", "data": {}}
-    told = event | {"occurred_at": "2026-03-01T11:59:00Z"}
-    stage.send(EVENTS, "delivery.proof_awaited", told)
+    sent = event | {"occurred_at": "2026-03-01T11:59:00Z"}
+    stage.send(EVENTS, "delivery.proof_awaited", sent)
 
     expect(card).to_contain_text("the drone waits for it until 12:04")
     assert serious_problems(page) == []
