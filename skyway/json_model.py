@@ -1,6 +1,6 @@
 """The base of all models with a JSON form: frozen, strict about types and fields; a cache."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Final, Generic, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
@@ -72,6 +72,11 @@ class JsonModel(BaseModel):
         if not cls.takes_text:
             _tighten(own.get("schema"))
         return schema
+
+    def __iter__(self) -> Iterator[tuple[str, Any]]:  # type: ignore[override]  # as pydantic's own
+        """The members by name; a cached property is none."""
+        fields = type(self).model_fields
+        yield from [(name, value) for name, value in self.__dict__.items() if name in fields]
 
     def merged(self, changes: "JsonModel") -> Self:
         """The value with the members that `changes` gives, inside of its objects too (RFC 7396).

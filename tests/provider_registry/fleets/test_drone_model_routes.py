@@ -20,6 +20,9 @@ MODEL = {
 
 
 async def test_the_named_models_are_always_there(api: Any) -> None:
+    for model in DRONE_MODELS.values():
+        assert model.charge_columns, "what a process has computed of a model is no member of it"
+
     listed = await api("customer:c", "GET", "/v1/drone-models")
 
     assert {item["model_id"] for item in listed.json()["items"]} == set(DRONE_MODELS)
