@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from skyway.cli.main import make_app
+from tests.end_to_end.eventually import eventually
 from tests.end_to_end.local_system import LocalSystem
 
 pytestmark = [pytest.mark.long, pytest.mark.storage_pair("embedded")]
@@ -114,6 +115,14 @@ def test_at_least_47_mistakes_are_tried() -> None:
 @pytest.fixture(scope="module")
 def network(running_system: LocalSystem) -> LocalSystem:
     running_system.publish_corridor("oops")
+    key = running_system.keys["SKYWAY_CUSTOMER_KEY"]
+
+    def is_known() -> bool:
+        """Whether the gateway has learned the stations that it looks for places."""
+        path = "/v1/places?address=Oops%20S1"
+        return running_system.call("GET", path, key=key).status_code != 409
+
+    eventually(is_known, "the gateway knows the network")
     return running_system
 
 
