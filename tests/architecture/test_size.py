@@ -19,9 +19,10 @@ MOST_LINES: Final = {"services/skyway_composition": 31_735, "skyway/runtime": 11
 #: Files of composition that import `MissionRecord`.
 MOST_IMPORTERS: Final = 41
 
-#: Files that a delivery passes, as `tools/trace_delivery.py` counts them: about 190, and up to 24
-#: more on a busy machine, where a late drone gets another plan.
-MOST_DOMAIN_FILES: Final = 214
+#: Files that a delivery passes, as `tools/trace_delivery.py` counts them: 206 to 214 on a quiet
+#: machine and up to 221 on a busy one, where loops that run in the background were not all seen
+#: before the delivery.
+MOST_DOMAIN_FILES: Final = 228
 
 
 @pytest.mark.parametrize("folder", MOST_LINES)
