@@ -3,6 +3,7 @@
 import {useEffect, useState} from "preact/hooks";
 
 import {get, post} from "../api.js";
+import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {guestsOf, picture} from "../live.js";
 import {pathTo} from "../routes.js";
@@ -62,7 +63,7 @@ function Missions({missions}) {
     return html`
       <section key=${mission_id}>
         <h3>Mission ${shortId(mission_id)}${drone_id && html` of
-          ${" "}<a href=${pathTo("map", "drone", drone_id)}>drone ${shortId(drone_id)}</a>`}</h3>
+          ${" "}<a href=${pathTo("map", "drone", drone_id)}>drone ${droneName(drone_id)}</a>`}</h3>
         ${live?.flown_as && html`<p>It is a guest of mission ${shortId(live.flown_as)}.</p>`}
         ${guestsOf(mission_id).length > 0 && html`<p>Guests: ${guestsOf(mission_id).map((each) => html`
           ${" "}<a href=${pathTo("deliveries", each.delivery_id)}>delivery ${shortId(each.delivery_id)}</a>`)}</p>`}

@@ -1,6 +1,7 @@
 // A drone: how it is, what it flies, its charge against the plan, and the commands to its mission.
 
 import {ticks} from "../fleet_clock.js";
+import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {guestsOf, picture} from "../live.js";
 import {pathTo} from "../routes.js";
@@ -35,7 +36,7 @@ const faultText = (fault) => (typeof fault === "string" ? inWords(fault) : inWor
 export function DronePanel({droneId, onClose}) {
   ticks.value; // read so that "in 5 min" is right each second
   const drone = picture.drones.value[droneId];
-  const title = `Drone ${drone?.name ?? shortId(droneId)}`;
+  const title = `Drone ${droneName(droneId)}`;
   if (!drone) {
     return html`<${Panel} title=${title} onClose=${onClose}><p>It is not in the picture.</p></${Panel}>`;
   }

@@ -4,9 +4,10 @@ import {useEffect, useState} from "preact/hooks";
 
 import {all, part, saveCsv} from "../api.js";
 import {WORDS} from "../desk_words.js";
+import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {pathTo} from "../routes.js";
-import {money, shortId, stationName} from "../words.js";
+import {money, stationName} from "../words.js";
 import {attempt} from "./messages.js";
 
 const TEXTS = WORDS.earned;
@@ -14,7 +15,7 @@ const stationText = (id) => (id ? stationName(id) : TEXTS.archived);
 
 const NAMES = {
   day: ({day}) => day,
-  drone: ({drone_id: id}) => (id ? html`<a href=${pathTo("map", "drone", id)}>${shortId(id)}</a>` : TEXTS.archived),
+  drone: ({drone_id: id}) => (id ? html`<a href=${pathTo("map", "drone", id)}>${droneName(id)}</a>` : TEXTS.archived),
   route: ({from_station_id: from, to_station_id: to}) => `${stationText(from)} – ${stationText(to)}`,
 };
 

@@ -1,10 +1,11 @@
 // The drones of a provider: how each is, taking it out of service and back, another token.
 
 import {call, part, post} from "../api.js";
+import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {pathTo} from "../routes.js";
-import {inWords, percent, shortId, stationName} from "../words.js";
+import {inWords, percent, stationName} from "../words.js";
 import {attempt} from "./messages.js";
 import {ShareBar} from "./share_bar.js";
 import {SureButton} from "./sure_button.js";
@@ -21,7 +22,7 @@ const learnedText = ({planned, flights}) =>
 function Commands({drone, onChange, onToken}) {
   const {drone_id: droneId, provider_id: provider, state, learned, maintenance} = drone;
   const path = `/v1/providers/${part(provider)}/drones/${part(droneId)}`;
-  const name = drone.name ?? shortId(droneId);
+  const name = droneName(droneId, drone.name);
   const put = async (wanted, done) => {
     if (await attempt(() => call("PATCH", path, {state: wanted}), done)) onChange();
   };
@@ -56,7 +57,7 @@ function DroneRow({drone, onChange, onToken}) {
   const {state, activity, soc, learned, maintenance, faults = []} = drone;
   return html`
     <tr data-drone=${droneId}>
-      <td><a href=${pathTo("map", "drone", droneId)}>${name ?? shortId(droneId)}</a>
+      <td><a href=${pathTo("map", "drone", droneId)}>${droneName(droneId, name)}</a>
         <br /><small>${registration ?? ""}</small></td>
       <td>${model}<br /><small>home ${stationName(home)}</small>
         ${learned && html`<br /><small>${learnedText(learned)}</small>`}</td>
@@ -72,7 +73,7 @@ function DroneRow({drone, onChange, onToken}) {
 // A drone of the list as the live picture shows it now.
 const upToDate = (drone) => ({...drone, ...picture.drones.value[drone.drone_id]});
 
-const nameOf = ({name, drone_id: id}) => name ?? id;
+const nameOf = ({name, drone_id: id}) => droneName(id, name);
 const byName = (one, other) => nameOf(one).localeCompare(nameOf(other), [], {numeric: true});
 
 export const FleetTable = ({drones, onChange, onToken}) => html`

@@ -3,6 +3,7 @@
 import {useEffect, useState} from "preact/hooks";
 
 import {all, part, post} from "../api.js";
+import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {inWords, momentText, shortId, stationName} from "../words.js";
@@ -77,8 +78,8 @@ function Waiting({mission, onDone}) {
   }
   return html`
     <li>
-      <form class="fields desk" aria-label=${`Load ${drone?.name ?? shortId(droneId)}`} onSubmit=${confirm}>
-        <h3>${drone?.name ?? `Drone ${shortId(droneId)}`} at ${stationId ? stationName(stationId) : "its pickup"}</h3>
+      <form class="fields desk" aria-label=${`Load ${droneName(droneId)}`} onSubmit=${confirm}>
+        <h3>${droneName(droneId)} at ${stationId ? stationName(stationId) : "its pickup"}</h3>
         <p class="hint">Mission ${shortId(missionId)}, since ${momentText(start)}. ${whereText(drone, stationId)}
           ${loadKg === undefined ? "" : ` By the request ${Number(loadKg.toFixed(3))} kg in all.`}</p>
         ${packageIds.map((each) => html`<${Mass} key=${each} packageId=${each} />`)}

@@ -2,11 +2,12 @@
 
 import {useState} from "preact/hooks";
 
+import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {stationsOf} from "../map/features.js";
 import {pathTo} from "../routes.js";
-import {shortId, stationName} from "../words.js";
+import {stationName} from "../words.js";
 
 const MOST = 8;
 
@@ -16,7 +17,7 @@ const stationPlaces = (network) => (network ? stationsOf(network) : []).map(({pr
 }));
 
 const dronePlaces = () => Object.entries(picture.drones.value).map(([id, {name}]) => ({
-  name: name ?? `Drone ${shortId(id)}`, id, href: ["map", "drone", id],
+  name: droneName(id, name), id, href: ["map", "drone", id],
 }));
 
 function found(places, text) {

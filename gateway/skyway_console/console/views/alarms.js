@@ -5,6 +5,7 @@ import {useEffect, useState} from "preact/hooks";
 import {get, part, post} from "../api.js";
 import {closureTimes, hasBegun} from "../closed.js";
 import {ticks} from "../fleet_clock.js";
+import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {openAlarms, picture} from "../live.js";
 import {pathTo} from "../routes.js";
@@ -23,7 +24,7 @@ function acknowledge(event, alarmId) {
 
 function about({drone_id: drone, mission_id: mission, station_id: station}) {
   return html`
-    ${drone && html`<a href=${pathTo("map", "drone", drone)}>drone ${shortId(drone)}</a> `}
+    ${drone && html`<a href=${pathTo("map", "drone", drone)}>drone ${droneName(drone)}</a> `}
     ${mission && html`<span>mission ${shortId(mission)} </span>`}
     ${station && html`<a href=${pathTo("map", "station", station)}>${stationName(station)}</a>`}`;
 }

@@ -4,6 +4,7 @@ import {useEffect, useState} from "preact/hooks";
 
 import {all, get, part} from "../api.js";
 import {fleetNow} from "../fleet_clock.js";
+import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {stationsOf} from "../map/features.js";
@@ -37,7 +38,7 @@ async function readDrones(span) {
 }
 
 function droneRow({drone_id, entries}) {
-  const name = picture.drones.value[drone_id]?.name ?? `drone ${shortId(drone_id)}`;
+  const name = droneName(drone_id);
   const bars = entries.flatMap(({mission_id, delivery_id, state, service, standby}) => {
     const [start, served] = [Date.parse(service.start_at), Date.parse(service.served_at)];
     const way = `${stationName(service.from_station_id)} to ${stationName(service.to_station_id)}`;
