@@ -39,6 +39,7 @@ def test_the_present_month_is_shown_with_its_items_and_lines(page: Page) -> None
 
 
 def test_another_month_is_asked_for(stage: StagedPage, page: Page) -> None:
+    expect(page.locator(".statements section")).to_be_visible()
     stage.answers["/v1/statements"] = {"items": [], "next_cursor": None}
 
     page.get_by_label("Month").fill("2026-02")
