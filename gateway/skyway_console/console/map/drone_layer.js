@@ -13,7 +13,7 @@ import {packagesAboard} from "./packages_aboard.js";
 import {stationRadius} from "./station_pictures.js";
 
 const NEAR_PX = 18;
-const RING_PX = 20;
+const RING_PX = 22;
 const OUTSIDE_PX = 24;
 // Below this zoom drones that are near each other are one count.
 const CLUSTERS_BELOW_ZOOM = 7;
@@ -76,6 +76,7 @@ export class DroneLayer {
       tracks.set(droneId, track);
     }
     this.tracks = tracks;
+    this.stations.keepFree(Object.values(drones).map((drone) => drone.activity !== "FLYING" && drone.station_id));
     this.aboard = packagesAboard(missions);
     this.ask();
   }

@@ -1,7 +1,7 @@
 // Small pictures of drones, each drawn once: copying them is much faster than drawing shapes.
 
 // Half of a picture's width and height, in pixels: of a drone with its ring, and of one among many.
-export const HALF_PX = 19;
+export const HALF_PX = 22;
 export const SMALL_HALF_PX = 8;
 
 const LOW_CHARGE = 0.2;
@@ -53,41 +53,42 @@ function kept(key, half, draw) {
 }
 
 function drawWhole(context, {airframe, isFlying, turn, charge, colour, ring, packages, isOld}, paint) {
+  const scale = isFlying ? 1 : 0.7;
   if (isOld) context.globalAlpha = 0.45;
-  const scale = isFlying ? 1 : 0.72;
   context.save();
   context.scale(scale, scale);
-  circle(context, 0, 0, 15);
+  circle(context, 0, 0, 16.5);
   context.fillStyle = paint.halo;
-  context.globalAlpha *= 0.86;
   context.fill();
-  context.globalAlpha = isOld ? 0.45 : 1;
   drawRing(context, charge, ring, paint, isOld);
   context.rotate((turn * Math.PI) / 180);
-  if (airframe === "wings") drawWings(context, colour);
-  else drawRotors(context, airframe, colour);
   if (isFlying) drawNose(context, colour, paint);
+  circle(context, 0, 0, 12);
+  context.fillStyle = colour;
+  context.fill();
+  if (airframe === "wings") drawWings(context, paint.halo);
+  else drawRotors(context, airframe, paint.halo);
   context.restore();
   if (packages > 0) drawCount(context, packages, scale, paint);
 }
 
 // The charge from the top, clockwise.
 function drawRing(context, charge, colour, paint, isOld) {
-  context.lineWidth = 2.5;
-  circle(context, 0, 0, 14);
+  context.lineWidth = 2.6;
+  circle(context, 0, 0, 14.6);
   context.strokeStyle = paint.rest;
   if (isOld) context.setLineDash([2, 3]);
   context.stroke();
   context.setLineDash([]);
   context.beginPath();
-  context.arc(0, 0, 14, -Math.PI / 2, 2 * Math.PI * charge - Math.PI / 2);
+  context.arc(0, 0, 14.6, -Math.PI / 2, 2 * Math.PI * charge - Math.PI / 2);
   context.strokeStyle = colour;
   context.stroke();
 }
 
 function drawRotors(context, count, colour) {
-  const reach = count === 4 ? 6.6 : 7.2;
-  const size = {4: 3.4, 6: 2.7, 8: 2.2}[count];
+  const reach = count === 4 ? 6.2 : 7;
+  const size = {4: 3, 6: 2.3, 8: 1.9}[count];
   context.strokeStyle = colour;
   context.fillStyle = colour;
   for (let number = 0; number < count; number += 1) {
@@ -99,14 +100,11 @@ function drawRotors(context, count, colour) {
     context.lineTo(x, y);
     context.stroke();
     circle(context, x, y, size);
-    context.globalAlpha *= 0.35;
-    context.fill();
-    context.globalAlpha /= 0.35;
-    context.lineWidth = 1.3;
+    context.lineWidth = 1.5;
     context.stroke();
   }
   context.beginPath();
-  context.roundRect(-2.6, -3.6, 5.2, 7.2, 2);
+  context.roundRect(-2.4, -3.2, 4.8, 6.4, 2);
   context.fill();
 }
 
@@ -119,13 +117,13 @@ function drawWings(context, colour) {
 
 // A beak on the ring, in the direction of flight.
 function drawNose(context, colour, paint) {
-  path(context, [[0, -18.4], [4.6, -11.5], [0, -13.2], [-4.6, -11.5]]);
+  path(context, [[0, -20.5], [5.6, -12.5], [0, -13], [-5.6, -12.5]]);
   paintShape(context, colour, paint.halo, 1.2);
 }
 
 function drawCount(context, packages, scale, paint) {
-  const [x, y] = [11 * scale, -11 * scale];
-  circle(context, x, y, 6);
+  const [x, y] = [13 * scale, -13 * scale];
+  circle(context, x, y, 6.5);
   paintShape(context, paint.text, paint.halo, 1.5);
   context.fillStyle = paint.halo;
   context.font = "700 9px system-ui, sans-serif";

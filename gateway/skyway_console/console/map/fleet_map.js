@@ -131,9 +131,13 @@ export class FleetMap {
   async showGround() {
     this.ownStyle = await readOwnStyle();
     if (this.isGone) return;
-    this.map.addControl(new AttributionControl({
+    const attribution = new AttributionControl({
       compact: true, ...(this.ownStyle ? {} : {customAttribution: SOURCES_TEXT}),
-    }), "bottom-right");
+    });
+    this.map.addControl(attribution, "bottom-right");
+    // It begins as a button: the panels need the place.
+    this.map.getContainer().querySelector("details.maplibregl-ctrl-attrib")?.removeAttribute("open");
+    this.map.getContainer().querySelector(".maplibregl-compact-show")?.classList.remove("maplibregl-compact-show");
     if (this.ownStyle) {
       this.map.setStyle(mapStyle(this.ownStyle));
       return;

@@ -5,7 +5,7 @@ import {colours} from "./colours.js";
 
 export const NOTHING = {type: "FeatureCollection", features: []};
 
-const GROUND = ["land", "lakes", "rivers", "states", "countries", "people"];
+const GROUND = ["land", "lakes", "counties", "rivers", "states", "countries", "people"];
 const FLEET = ["segments", "closures", "alternatives", "plan", "draft"];
 export const SOURCES = [...GROUND, ...FLEET];
 
@@ -41,9 +41,11 @@ function groundLayers() {
     fill("land", paint.land),
     // Pixels of a kilometre at latitude 30: half of them at each zoom less.
     {id: "people", type: "circle", source: "people", minzoom: 6, paint: {
-      "circle-color": paint.urban, "circle-blur": 0.7, "circle-opacity": 0.85,
+      "circle-color": paint.urban, "circle-blur": 0.6, "circle-opacity": 0.9,
       "circle-radius": byZoom(6, ["*", ["get", "km"], 0.94], 13, ["*", ["get", "km"], 121]),
     }},
+    line("counties", "counties", {"line-color": paint.state, "line-width": 1, "line-dasharray": [1, 3]},
+      {minzoom: 7}),
     line("states", "states", {"line-color": paint.state, "line-width": 1, "line-dasharray": [3, 2]}),
     line("rivers", "rivers", {"line-color": paint.river,
       "line-width": ["interpolate", ["linear"], ["zoom"], 3, 0.4, 8, 1, 12, 2.5]}),

@@ -20,6 +20,7 @@ export class StationLayer {
     this.places = [];
     this.looks = new Map();
     this.stops = new Map();
+    this.guests = new Set();
     this.marked = null;
     // What the names leave free for the names of drones.
     this.space = new LabelSpace();
@@ -56,6 +57,15 @@ export class StationLayer {
     this.draw();
   }
 
+  // Names leave room for drones that stand beside these stations.
+  keepFree(stationIds) {
+    const text = [...new Set(stationIds)].sort().join(" ");
+    if (this.guestText === text) return;
+    this.guestText = text;
+    this.guests = new Set(stationIds);
+    this.draw();
+  }
+
   mark(stationId) {
     if (this.marked === stationId) return;
     this.marked = stationId;
@@ -77,7 +87,10 @@ export class StationLayer {
     const radius = stationRadius(zoom);
     const seen = this.stations.map((station) => ({...station, point: toScreen(station.at)}))
       .filter(({point}) => isInside(point));
-    for (const {point: [x, y]} of seen) this.space.take([x - radius, y - radius, x + radius, y + radius]);
+    for (const {stationId, point: [x, y]} of seen) {
+      this.space.take([x - radius, y - radius, x + radius, y + radius]);
+      if (this.guests.has(stationId)) this.space.take([x, y - radius - 18, x + radius + 18, y]);
+    }
     Object.assign(context, {textBaseline: "middle", lineJoin: "round", lineWidth: 3, strokeStyle: paint.halo});
     this.drawStationNames(context, seen, radius, paint);
     const named = new Set(seen.map(({name}) => name));
