@@ -44,10 +44,10 @@ GRID_DEG: Final = 1e-4
 
 #: How far a simplified line may be from the line, degrees: in the box and elsewhere.
 NEAR_DEG: Final = 0.0006
-FAR_DEG: Final = 0.025
+FAR_DEG: Final = 0.04
 
 #: Lakes and islands elsewhere are left out below this area, square degrees.
-LEAST_AREA_DEG2: Final = 0.012
+LEAST_AREA_DEG2: Final = 0.03
 
 #: Waters in the box are drawn as a surface from this area on, square degrees.
 LEAST_LAKE_DEG2: Final = 0.00008

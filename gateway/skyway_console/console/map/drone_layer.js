@@ -23,6 +23,8 @@ const NAMES_FROM_ZOOM = 9.8;
 const MOST_NAMES = 60;
 // The next frame comes when the fastest drone has moved this far, and each second at least.
 const STEP_PX = 0.35;
+// Drones are smaller where the map shows a whole region.
+const sizeAt = (zoom) => Math.min(1, Math.max(0.62, 0.62 + (zoom - 7) * 0.19));
 const FRAME_MS = 16;
 const LONGEST_MS = 1_000;
 
@@ -158,7 +160,7 @@ export class DroneLayer {
     const {context, paint} = frame;
     if (each.droneId === this.selected) drawRing(context, each.point, paint.selected);
     if (each.track.drone.faults?.length) drawRing(context, each.point, paint.full);
-    drawPicture(context, dronePicture(this.lookOf(each, frame), paint), each.point, HALF_PX);
+    drawPicture(context, dronePicture(this.lookOf(each, frame), paint), each.point, HALF_PX * sizeAt(frame.zoom));
   }
 
   // Where it was in the last minutes: the older, the fainter.

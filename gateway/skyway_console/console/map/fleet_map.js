@@ -21,6 +21,11 @@ setWorkerUrl("/console/vendor/maplibre-gl-worker.mjs");
 
 const FAR_OUT = {center: [-98, 30], zoom: 3};
 const CLUSTER_ZOOMS = 2;
+// What panels leave of the map (styles/map.css), and how far from an edge a mark is seen well.
+const PHONE_PX = 700;
+const PANEL_PX = 410;
+const SHEET_SHARE = 0.42;
+const EDGE_PX = 40;
 
 export class FleetMap {
   // `onClick` is called with {droneId, stationId, position} of what was clicked. `isLive` says whether
@@ -87,6 +92,17 @@ export class FleetMap {
     this.map.setFilter("segments-near", segmentsOf(stationId));
   }
 
+  // Moves the map if a place is below a panel or off the screen: panels are at the right, or below on a phone.
+  reveal(position) {
+    const {x, y} = this.map.project(near(position));
+    const {clientWidth: width, clientHeight: height} = this.map.getContainer();
+    const isPhone = width <= PHONE_PX;
+    const [right, bottom] = isPhone ? [width - EDGE_PX, height * SHEET_SHARE] : [width - PANEL_PX, height - EDGE_PX];
+    if (x > EDGE_PX && y > EDGE_PX && x < right && y < bottom) return;
+    const offset = isPhone ? [0, (-height * (1 - SHEET_SHARE)) / 2] : [-PANEL_PX / 2, 0];
+    this.map.panTo(near(position), {offset});
+  }
+
   centre() {
     return this.map.getCenter().wrap().toArray();
   }
@@ -103,7 +119,8 @@ export class FleetMap {
     })));
     this.put("segments", segmentLines(network));
     const places = stations.map(({geometry}) => near(geometry.coordinates));
-    if (places.length) this.map.fitBounds(around(places), {padding: 60, duration: 0});
+    const padding = this.map.getContainer().clientWidth <= PHONE_PX ? 36 : 60;
+    if (places.length) this.map.fitBounds(around(places), {padding, duration: 0});
   }
 
   showStations(stations, closures) {

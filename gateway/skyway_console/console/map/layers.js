@@ -41,7 +41,7 @@ function groundLayers() {
     fill("land", paint.land),
     // Pixels of a kilometre at latitude 30: half of them at each zoom less.
     {id: "people", type: "circle", source: "people", minzoom: 6, paint: {
-      "circle-color": paint.urban, "circle-blur": 0.6, "circle-opacity": 0.9,
+      "circle-color": paint.urban, "circle-blur": 0.7, "circle-opacity": 0.75,
       "circle-radius": byZoom(6, ["*", ["get", "km"], 0.94], 13, ["*", ["get", "km"], 121]),
     }},
     line("counties", "counties", {"line-color": paint.state, "line-width": 1, "line-dasharray": [1, 3]},

@@ -45,6 +45,8 @@ function useFleetMap(container, opened, station) {
   }, []);
   useEffect(() => {
     map.current.drones.select(opened);
+    const shown = picture.drones.peek()[opened];
+    if (shown) map.current.reveal(shown.position);
     return effect(() => {
       const drone = picture.drones.value[opened];
       map.current.showPlan(picture.missions.value[drone?.mission_id], drone);
