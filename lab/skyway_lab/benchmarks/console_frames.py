@@ -28,13 +28,15 @@ _STARTS_WITHIN_S: Final = 60.0
 #: Moves the drones on circles around the network, twice a second, in the page.
 _MOVE: Final = """async (count) => {
   const {picture} = await import("/console/live.js");
+  const {fleetNow} = await import("/console/fleet_clock.js");
   let step = 0;
   const drones = () => Object.fromEntries(Array.from({length: count}, (_, number) => {
     const angle = number + step / 20;
     const radius = 0.05 + 0.4 * (number / count);
     const position = [-98.2 + radius * Math.cos(angle), 29.6 + radius * Math.sin(angle)];
     return [`drone-${number}`, {position, soc: (number % 100) / 100, activity: "FLYING",
-      state: "ON_MISSION", mission_id: "m", heading_deg: number % 360, faults: []}];
+      at: new Date(fleetNow()).toISOString(), state: "ON_MISSION", mission_id: "m",
+      heading_deg: number % 360, faults: []}];
   }));
   setInterval(() => { step += 1; picture.drones.value = drones(); }, 500);
 }"""

@@ -1,48 +1,152 @@
 // Small pictures of drones, each drawn once: copying them is much faster than drawing shapes.
 
-// Half of a picture's width and height, in pixels.
-export const HALF_PX = 12;
+// Half of a picture's width and height, in pixels: of a drone with its ring, and of one among many.
+export const HALF_PX = 22;
+export const SMALL_HALF_PX = 8;
 
 const LOW_CHARGE = 0.2;
-// Headings differ by so much at least, in degrees.
+const SOON_LOW_CHARGE = 0.4;
+// Headings differ by so much at least, in degrees, and charges by so much.
 const TURN_DEG = 5;
-
-// The corners of a drone that flies north, and of one that stands, from the picture's middle.
-const ARROW = [[0, -10], [7, 8], [0, 4], [-7, 8]];
-const SQUARE = [[-4, -4], [4, -4], [4, 4], [-4, 4]];
+const CHARGES = 16;
+// More pictures than that are forgotten: another theme or screen makes them anew.
+const MOST_PICTURES = 4_000;
 
 const pictures = new Map();
 
-// A drone as it is drawn: an arrow in its heading while it flies, a square while it stands.
-export function dronePicture(drone, paint) {
-  const isFlying = drone.activity === "FLYING";
-  const turn = isFlying ? Math.round((drone.heading_deg ?? 0) / TURN_DEG) * TURN_DEG : 0;
-  const colour = colourOf(drone, isFlying, paint);
-  const key = `${colour} ${paint.halo} ${isFlying} ${turn} ${devicePixelRatio}`;
-  if (!pictures.has(key)) pictures.set(key, drawn(isFlying ? ARROW : SQUARE, turn, colour, paint.halo));
-  return pictures.get(key);
+// `look` is {airframe, isFlying, heading, soc, isBusy, packages, isOld}.
+export function dronePicture(look, paint) {
+  const turn = look.isFlying ? (Math.round((look.heading ?? 0) / TURN_DEG) * TURN_DEG) % 360 : 0;
+  const charge = Math.round((look.soc ?? 0) * CHARGES) / CHARGES;
+  const colour = look.isBusy ? paint.drone : paint.idle;
+  const ring = look.soc < LOW_CHARGE ? paint.low : look.soc < SOON_LOW_CHARGE ? paint.busy : paint.free;
+  const key = `${look.airframe} ${look.isFlying} ${turn} ${charge} ${ring} ${colour} ${look.packages} ${
+    look.isOld} ${paint.halo} ${devicePixelRatio}`;
+  return kept(key, HALF_PX, (context) => drawWhole(context, {...look, turn, charge, colour, ring}, paint));
 }
 
-function colourOf(drone, isFlying, paint) {
-  if (isFlying && drone.soc < LOW_CHARGE) return paint.low;
-  return drone.mission_id ? paint.drone : paint.idle;
+// One of many drones: its heading and whether its charge is low.
+export function smallPicture(look, paint) {
+  const turn = look.isFlying ? (Math.round((look.heading ?? 0) / TURN_DEG) * TURN_DEG) % 360 : 0;
+  const colour = look.isFlying && look.soc < LOW_CHARGE ? paint.low : look.isBusy ? paint.drone : paint.idle;
+  const key = `small ${look.isFlying} ${turn} ${colour} ${look.isOld} ${paint.halo} ${devicePixelRatio}`;
+  return kept(key, SMALL_HALF_PX, (context) => {
+    if (look.isOld) context.globalAlpha = 0.4;
+    context.rotate((turn * Math.PI) / 180);
+    path(context, look.isFlying ? [[0, -7], [5, 6], [0, 3], [-5, 6]] : [[-3, -3], [3, -3], [3, 3], [-3, 3]]);
+    paintShape(context, colour, paint.halo, 1);
+  });
 }
 
-function drawn(corners, turn, colour, halo) {
+function kept(key, half, draw) {
+  if (pictures.has(key)) return pictures.get(key);
+  if (pictures.size >= MOST_PICTURES) pictures.clear();
   const canvas = document.createElement("canvas");
-  const size = 2 * HALF_PX * devicePixelRatio;
+  const size = 2 * half * devicePixelRatio;
   Object.assign(canvas, {width: size, height: size});
   const context = canvas.getContext("2d");
   context.scale(devicePixelRatio, devicePixelRatio);
-  context.translate(HALF_PX, HALF_PX);
+  context.translate(half, half);
+  draw(context);
+  pictures.set(key, canvas);
+  return canvas;
+}
+
+function drawWhole(context, {airframe, isFlying, turn, charge, colour, ring, packages, isOld}, paint) {
+  const scale = isFlying ? 1 : 0.7;
+  if (isOld) context.globalAlpha = 0.45;
+  context.save();
+  context.scale(scale, scale);
+  circle(context, 0, 0, 16.5);
+  context.fillStyle = paint.halo;
+  context.fill();
+  drawRing(context, charge, ring, paint, isOld);
   context.rotate((turn * Math.PI) / 180);
+  if (isFlying) drawNose(context, colour, paint);
+  circle(context, 0, 0, 12);
+  context.fillStyle = colour;
+  context.fill();
+  if (airframe === "wings") drawWings(context, paint.halo);
+  else drawRotors(context, airframe, paint.halo);
+  context.restore();
+  if (packages > 0) drawCount(context, packages, scale, paint);
+}
+
+// The charge from the top, clockwise.
+function drawRing(context, charge, colour, paint, isOld) {
+  context.lineWidth = 2.6;
+  circle(context, 0, 0, 14.6);
+  context.strokeStyle = paint.rest;
+  if (isOld) context.setLineDash([2, 3]);
+  context.stroke();
+  context.setLineDash([]);
+  context.beginPath();
+  context.arc(0, 0, 14.6, -Math.PI / 2, 2 * Math.PI * charge - Math.PI / 2);
+  context.strokeStyle = colour;
+  context.stroke();
+}
+
+function drawRotors(context, count, colour) {
+  const reach = count === 4 ? 6.2 : 7;
+  const size = {4: 3, 6: 2.3, 8: 1.9}[count];
+  context.strokeStyle = colour;
+  context.fillStyle = colour;
+  for (let number = 0; number < count; number += 1) {
+    const angle = ((number + 0.5) * 2 * Math.PI) / count;
+    const [x, y] = [Math.sin(angle) * reach, -Math.cos(angle) * reach];
+    context.lineWidth = 1.8;
+    context.beginPath();
+    context.moveTo(0, 0);
+    context.lineTo(x, y);
+    context.stroke();
+    circle(context, x, y, size);
+    context.lineWidth = 1.5;
+    context.stroke();
+  }
+  context.beginPath();
+  context.roundRect(-2.4, -3.2, 4.8, 6.4, 2);
+  context.fill();
+}
+
+function drawWings(context, colour) {
+  context.fillStyle = colour;
+  path(context, [[0, -9], [1.8, -3], [10, 1.5], [10, 3.6], [1.6, 2.4], [1.2, 6.5], [4, 8.4], [4, 9.6], [0, 8.8],
+    [-4, 9.6], [-4, 8.4], [-1.2, 6.5], [-1.6, 2.4], [-10, 3.6], [-10, 1.5], [-1.8, -3]]);
+  context.fill();
+}
+
+// A beak on the ring, in the direction of flight.
+function drawNose(context, colour, paint) {
+  path(context, [[0, -20.5], [5.6, -12.5], [0, -13], [-5.6, -12.5]]);
+  paintShape(context, colour, paint.halo, 1.2);
+}
+
+function drawCount(context, packages, scale, paint) {
+  const [x, y] = [13 * scale, -13 * scale];
+  circle(context, x, y, 6.5);
+  paintShape(context, paint.text, paint.halo, 1.5);
+  context.fillStyle = paint.halo;
+  context.font = "700 9px system-ui, sans-serif";
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  context.fillText(packages > 9 ? "9+" : packages, x, y + 0.5);
+}
+
+function circle(context, x, y, radius) {
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+}
+
+function path(context, corners) {
   context.beginPath();
   corners.forEach(([x, y]) => context.lineTo(x, y));
   context.closePath();
+}
+
+function paintShape(context, colour, halo, width) {
   context.fillStyle = colour;
   context.fill();
   context.strokeStyle = halo;
-  context.lineWidth = 1.5;
+  context.lineWidth = width;
   context.stroke();
-  return canvas;
 }

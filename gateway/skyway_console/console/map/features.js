@@ -25,19 +25,21 @@ function closedStations(closures) {
   return closed;
 }
 
-// The pads that are taken include those that are closed now.
+// What a station is drawn as. The pads that are taken include those that are closed now; a station is
+// congested if more drones have booked a pad than it has.
 function padState(pads, live, closed) {
-  if (closed === true || closed?.length >= pads) return "closed";
+  if (closed === true || (pads > 0 && closed?.length >= pads)) return "closed";
+  if (pads === 0) return "parking";
   const taken = live?.pads_taken ?? 0;
   if (taken >= pads) return "full";
+  if (taken + (live?.queue ?? 0) > pads) return "congested";
   return taken > 0 ? "busy" : "free";
 }
 
 export function stationPoints(network, live, closures) {
   const closed = closedStations(closures);
-  return collection(stationsOf(network).map(({geometry, properties}) => feature(geometry, {
-    station_id: properties.station_id,
-    pads: padState(properties.pads, live[properties.station_id], closed[properties.station_id]),
+  return collection(stationsOf(network).map(({geometry, properties: {station_id: id, pads}}) => feature(geometry, {
+    station_id: id, pads: padState(pads, live[id], closed[id]), of: pads, taken: live[id]?.pads_taken ?? 0,
   })));
 }
 
@@ -75,4 +77,15 @@ export function planLines(mission, drone) {
       feature(line(drone.position, position), {status: "PLANNED"}),
     ];
   }));
+}
+
+// Where a mission stops from now on, in order: [{stationId, position, at}]; each station once.
+export function stopsAhead(mission) {
+  const ahead = Object.values(mission?.steps ?? {}).filter(({status, kind, lands}) =>
+    status !== "ENDED" && (kind === "DELIVER" || kind === "PICK_UP" || (kind === "FLY" && lands)));
+  const stops = new Map();
+  for (const {station_id: stationId, position, end_at: at, start_at: from, kind} of ahead) {
+    if (!stops.has(stationId)) stops.set(stationId, {stationId, position, at: kind === "FLY" ? at : from});
+  }
+  return [...stops.values()];
 }

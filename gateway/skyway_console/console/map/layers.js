@@ -1,53 +1,82 @@
-// The layers of the map, from the ground up: outlines, segments, closures, where the open drone
-// could land instead, its plan, stations.
+// The layers of the map, from the ground up: water and land, segments, closures, where the open drone
+// could land instead, its plan. Names, stations and drones are drawn on canvases above.
 
 import {colours} from "./colours.js";
 
 export const NOTHING = {type: "FeatureCollection", features: []};
 
-export const SOURCES = ["countries", "counties", "segments", "closures", "alternatives", "plan", "draft",
-  "stations"];
+const GROUND = ["land", "lakes", "counties", "rivers", "states", "countries", "people"];
+const FLEET = ["segments", "closures", "alternatives", "plan", "draft"];
+export const SOURCES = [...GROUND, ...FLEET];
 
-const source = (id) => [id, {type: "geojson", data: NOTHING}];
+// What the ground shows is no finer than that: deeper tiles enlarge it.
+const GROUND_ZOOM = 11;
 
-// The style of the map: an operator's own base map below the fleet, or a plain ground.
+const source = (id) => [id, {
+  type: "geojson", data: NOTHING, ...(GROUND.includes(id) ? {maxzoom: GROUND_ZOOM} : {}),
+}];
+
+// The style of the map: an operator's own base map below the fleet, or the ground that comes with it.
 export function mapStyle(own) {
-  const ground = {id: "background", type: "background", paint: {"background-color": colours().background}};
   return {
     version: 8,
     ...own,
     sources: {...own?.sources, ...Object.fromEntries(SOURCES.map(source))},
-    layers: [...(own?.layers ?? [ground]), ...fleetLayers()],
+    layers: [...(own?.layers ?? groundLayers()), ...fleetLayers()],
   };
 }
 
+const line = (id, sourceId, of, more = {}) => ({
+  id, type: "line", source: sourceId, paint: of, ...more,
+  layout: {"line-cap": "round", "line-join": "round"},
+});
+
+const byZoom = (...stops) => ["interpolate", ["exponential", 2], ["zoom"], ...stops];
+
+function groundLayers() {
+  const paint = colours();
+  const fill = (id, colour) => ({id, type: "fill", source: id, paint: {"fill-color": colour}});
+  return [
+    {id: "background", type: "background", paint: {"background-color": paint.water}},
+    fill("land", paint.land),
+    // Pixels of a kilometre at latitude 30: half of them at each zoom less.
+    {id: "people", type: "circle", source: "people", minzoom: 6, paint: {
+      "circle-color": paint.urban, "circle-blur": 0.7, "circle-opacity": 0.75,
+      "circle-radius": byZoom(6, ["*", ["get", "km"], 0.94], 13, ["*", ["get", "km"], 121]),
+    }},
+    line("counties", "counties", {"line-color": paint.state, "line-width": 1, "line-dasharray": [1, 3]},
+      {minzoom: 7}),
+    line("states", "states", {"line-color": paint.state, "line-width": 1, "line-dasharray": [3, 2]}),
+    line("rivers", "rivers", {"line-color": paint.river,
+      "line-width": ["interpolate", ["linear"], ["zoom"], 3, 0.4, 8, 1, 12, 2.5]}),
+    fill("lakes", paint.water),
+    line("countries", "countries", {"line-color": paint.country, "line-width": 1.2}),
+  ];
+}
+
+// The segments of one station: nothing until somebody points at it or opens it.
+export const segmentsOf = (stationId) =>
+  ["any", ["==", ["get", "from"], stationId ?? ""], ["==", ["get", "to"], stationId ?? ""]];
+
 function fleetLayers() {
   const paint = colours();
-  const line = (id, sourceId, of, filter) => ({
-    id, type: "line", source: sourceId, paint: of, ...(filter ? {filter} : {}),
-    layout: {"line-cap": "round", "line-join": "round"},
-  });
-  const isStatus = (status) => ["==", ["get", "status"], status];
+  const isStatus = (status) => ({filter: ["==", ["get", "status"], status]});
   return [
-    line("counties", "counties", {"line-color": paint.county, "line-width": 1}),
-    line("countries", "countries", {"line-color": paint.country, "line-width": 1}),
-    line("segments", "segments", {"line-color": paint.segment, "line-width": 1}),
+    line("segments", "segments", {"line-color": paint.segment, "line-width": 1,
+      "line-opacity": ["interpolate", ["linear"], ["zoom"], 7, 0.12, 10, 0.3]}),
+    line("segments-near", "segments", {"line-color": paint.planned, "line-width": 1.5,
+      "line-opacity": 0.75}, {filter: segmentsOf(null)}),
     {id: "zones", type: "fill", source: "closures",
-      paint: {"fill-color": paint.zone, "fill-opacity": 0.22}, filter: ["==", ["geometry-type"], "Polygon"]},
+      paint: {"fill-color": paint.zone, "fill-opacity": 0.18}, filter: ["==", ["geometry-type"], "Polygon"]},
     line("closed", "closures", {"line-color": paint.zone, "line-width": 2, "line-dasharray": [2, 2]}),
     {id: "draft", type: "fill", source: "draft",
       paint: {"fill-color": paint.selected, "fill-opacity": 0.3}},
     line("draft-edge", "draft", {"line-color": paint.selected, "line-width": 2}),
     line("alternatives", "alternatives",
       {"line-color": paint.segment, "line-width": 2, "line-dasharray": [1, 3]}),
-    line("to-come", "plan", {"line-color": paint.planned, "line-width": 3, "line-dasharray": [1, 2]},
+    line("way", "plan", {"line-color": paint.halo, "line-width": 7, "line-opacity": 0.7}),
+    line("flown", "plan", {"line-color": paint.flown, "line-width": 3.5}, isStatus("ENDED")),
+    line("to-come", "plan", {"line-color": paint.planned, "line-width": 3.5, "line-dasharray": [0.2, 1.8]},
       isStatus("PLANNED")),
-    line("flown", "plan", {"line-color": paint.flown, "line-width": 4}, isStatus("ENDED")),
-    {id: "stations", type: "circle", source: "stations", paint: {
-      "circle-radius": ["interpolate", ["linear"], ["zoom"], 7, 3, 9, 7, 11, 10],
-      "circle-color": ["match", ["get", "pads"],
-        "busy", paint.busy, "full", paint.full, "closed", paint.closed, paint.free],
-      "circle-stroke-color": paint.halo, "circle-stroke-width": 1.5,
-    }},
   ];
 }

@@ -22,3 +22,13 @@ export function screenOf(map) {
     middle.x + (right - Math.round(right - centre)) * worldPx, middle.y + down * worldPx,
   ];
 }
+
+const EARTH_KM = 6371;
+
+// The distance of two places, of [longitude, latitude] in degrees, along the great circle.
+export function kilometres([west, south], [east, north]) {
+  const radians = Math.PI / 180;
+  const share = Math.sin(((north - south) * radians) / 2) ** 2
+    + Math.cos(south * radians) * Math.cos(north * radians) * Math.sin(((east - west) * radians) / 2) ** 2;
+  return 2 * EARTH_KM * Math.asin(Math.sqrt(share));
+}

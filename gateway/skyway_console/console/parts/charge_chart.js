@@ -40,7 +40,7 @@ async function readCharges(providerId, droneId, missionId) {
 
 function chartOptions() {
   const paint = colours();
-  const axis = {stroke: paint.text, grid: {stroke: paint.county, width: 1}, ticks: {show: false}};
+  const axis = {stroke: paint.text, grid: {stroke: paint.edge, width: 1}, ticks: {show: false}};
   return {
     ...SIZE,
     cursor: {show: false},

@@ -1,26 +1,46 @@
-// A drone: how it is, what it flies, its charge against the plan, and the commands to its mission.
+// A drone: what it does in one sentence, how it is, its plan, and the commands to its mission.
 
-import {ticks} from "../fleet_clock.js";
+import {fleetNow, fleetRate, ticks} from "../fleet_clock.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {guestsOf, picture} from "../live.js";
+import {isOld} from "../map/drone_motion.js";
+import {kilometres} from "../map/mercator.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
-import {distanceText, inWords, momentText, percent, shortId, stationName} from "../words.js";
+import {clockTime, distanceText, inWords, momentText, percent, shortId, stationName} from "../words.js";
 import {ChargeChart} from "./charge_chart.js";
 import {Facts} from "./facts.js";
+import {attempt} from "./messages.js";
 import {MissionCommands} from "./mission_commands.js";
 import {Panel} from "./panel.js";
 import {StepList} from "./step_list.js";
 
+// What it does now, in one sentence.
+function doesText({activity, state, station_id: stationId, next_landing: landing}, mission) {
+  const place = stationId && stationName(stationId);
+  const step = Object.values(mission?.steps ?? {}).find(({status}) => status !== "ENDED");
+  const until = step?.end_at ? ` until ${clockTime(step.end_at)}` : "";
+  if (activity === "FLYING") {
+    return landing
+      ? `Flies to ${stationName(landing.station_id)}, lands at ${clockTime(landing.at)}, ${distanceText(landing.at)}.`
+      : "Is in flight.";
+  }
+  if (activity === "RECHARGING") return `Recharges${place ? ` at ${place}` : ""}${mission ? until : ""}.`;
+  if (activity === "IDLE" || !activity) return place ? `Stands at ${place}, ${inWords(state ?? "").toLowerCase()}.` : "";
+  return `${inWords(activity)}${place ? ` at ${place}` : ""}${mission ? until : ""}.`;
+}
+
+// Old readings are said: the drone may be elsewhere, and its mark on the map is faint.
+const OldReading = ({drone}) => isOld(drone, fleetNow(), fleetRate()) && html`
+  <p class="old-reading" role="status">No reading since ${momentText(drone.at)}: it may be elsewhere.</p>`;
+
 function droneFacts(drone, mission) {
-  const {next_landing: landing} = drone;
+  const kmh = drone.activity === "FLYING" && speedKmh(drone, mission);
   return [
     ["State", drone.state && inWords(drone.state)],
-    ["Does", drone.activity && inWords(drone.activity)],
     ["Charge", drone.soc !== undefined && percent(drone.soc)],
-    ["At", drone.station_id && stationName(drone.station_id)],
-    ["Lands next", landing && `${stationName(landing.station_id)}, ${distanceText(landing.at)}`],
+    ["Planned speed", kmh && `${kmh} km/h`],
     ["Could land", drone.safe_landings?.length > 0 && drone.safe_landings.map(stationName).join(", ")],
     ["Must land", drone.must_land_at && distanceText(drone.must_land_at)],
     ["Faults", drone.faults?.length > 0 && drone.faults.map(faultText).join(", ")],
@@ -30,6 +50,24 @@ function droneFacts(drone, mission) {
     ["Last reading", drone.at && momentText(drone.at)],
   ];
 }
+
+// The ground speed of the flight that goes on, by its plan.
+function speedKmh(drone, mission) {
+  const flight = Object.values(mission?.steps ?? {}).find(({kind, status}) => kind === "FLY" && status !== "ENDED");
+  if (!flight?.from_position) return null;
+  const hours = (Date.parse(flight.end_at) - Date.parse(flight.start_at)) / 3_600_000;
+  return hours > 0 ? Math.round(kilometres(flight.from_position, flight.position) / hours) : null;
+}
+
+// "the delivery to Kirby and Selma", where somebody waits for it.
+function deliveryText({delivery_id: deliveryId, steps}) {
+  const stations = new Set(Object.values(steps).filter(({kind}) => kind === "DELIVER").map((step) => step.station_id));
+  const {reference} = picture.deliveries.value[deliveryId] ?? {};
+  if (reference) return `delivery ${reference}`;
+  return stations.size ? `the delivery to ${[...stations].map(stationName).join(", ")}` : `delivery ${shortId(deliveryId)}`;
+}
+
+const copyId = (droneId) => attempt(() => navigator.clipboard.writeText(droneId), "The id is copied.");
 
 const faultText = (fault) => (typeof fault === "string" ? inWords(fault) : inWords(fault.code));
 
@@ -44,6 +82,8 @@ export function DronePanel({droneId, onClose}) {
   const flown = mission ? [mission, ...guestsOf(drone.mission_id)] : [];
   return html`
     <${Panel} title=${title} onClose=${onClose}>
+      <p class="does">${doesText(drone, mission)}</p>
+      <${OldReading} drone=${drone} />
       <${Facts} of=${droneFacts(drone, mission)} />
       ${mission && isOperator() && html`
         <${MissionCommands} missionId=${drone.mission_id} mission=${mission} />`}
@@ -53,9 +93,10 @@ export function DronePanel({droneId, onClose}) {
       ${flown.length > 1 && html`<p>A shared trip with packages of ${flown.length} deliveries.</p>`}
       ${flown.map((each) => html`
         <section key=${each.delivery_id}>
-          <h3>Plan of <a href=${pathTo("deliveries", each.delivery_id)}>delivery
-            ${" "}${shortId(each.delivery_id)}</a></h3>
+          <h3>Plan of <a href=${pathTo("deliveries", each.delivery_id)}>${deliveryText(each)}</a></h3>
           <${StepList} mission=${each} />
         </section>`)}
+      <p class="panel-id"><code>${droneId}</code>
+        ${" "}<button class="small" onClick=${() => copyId(droneId)}>Copy id</button></p>
     </${Panel}>`;
 }

@@ -1,6 +1,8 @@
-// What the colours of the map mean, and how many drones are where.
+// What the signs of the map mean, how many drones are where, and what is closed ahead. On a phone it is a
+// sheet behind a button.
 
-import {colours} from "../map/colours.js";
+import {useState} from "preact/hooks";
+
 import {aheadText, hoursAhead} from "../closed.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
@@ -9,7 +11,28 @@ import {pathTo} from "../routes.js";
 import {isOperator} from "../session.js";
 import {inWords, stationName} from "../words.js";
 
-const PADS = [["free", "All pads free"], ["busy", "Some taken"], ["full", "All taken"], ["closed", "Closed"]];
+// The class of a sign in styles/map.css, and what it means.
+const STATIONS = [
+  ["free", "Free pads of all pads"], ["full", "All pads taken"], ["congested", "More bookings than pads"],
+  ["closed", "Closed"], ["parking", "No pads, parking only"],
+];
+
+// The ring of free pads as a picture: how much of its circle is drawn, out of 100.
+const SHARES = {free: 75, full: 100, congested: 60, closed: 0, parking: 0};
+
+function StationSign({kind}) {
+  if (kind === "parking") {
+    return html`<svg class="sign parking" viewBox="0 0 20 20" aria-hidden="true">
+      <rect x="4" y="4" width="12" height="12" rx="2" /></svg>`;
+  }
+  return html`
+    <svg class="sign ${kind}" viewBox="0 0 20 20" aria-hidden="true">
+      <circle class="rest" cx="10" cy="10" r="7" />
+      <circle class="share" cx="10" cy="10" r="7" pathLength="100" stroke-dasharray="${
+        kind === "congested" ? "8 6 8 6 8 6 8 100" : `${SHARES[kind]} 100`}" transform="rotate(-90 10 10)" />
+      ${kind === "closed" && html`<path class="cross" d="M7 7l6 6M13 7l-6 6" />`}
+    </svg>`;
+}
 
 function countsByState() {
   const counts = {};
@@ -19,7 +42,7 @@ function countsByState() {
   return Object.entries(counts).sort();
 }
 
-const NetworkChoice = () => networks.value?.length > 0 && html`
+const NetworkChoice = () => networks.value?.length > 1 && html`
   <select aria-label="Network" value=${shownNetwork.value}
     onChange=${({target}) => showNetwork(target.value)}>
     ${networks.value.map(({network_id: id}) => html`<option value=${id}>${stationName(id)}</option>`)}
@@ -33,17 +56,20 @@ const LookAhead = () => html`
   </label>`;
 
 export function MapLegend() {
-  const paint = colours();
-  const dot = (name) => html`
-    <svg width="12" height="12" aria-hidden="true"><circle cx="6" cy="6" r="5" fill=${paint[name]} /></svg>`;
+  const [isOpen, setOpen] = useState(false);
   return html`
-    <aside class="legend" aria-label="Legend">
-      <ul>${PADS.map(([name, text]) => html`<li>${dot(name)} ${text}</li>`)}</ul>
-      <ul class="counts">
-        ${countsByState().map(([state, count]) => html`<li>${count} ${inWords(state)}</li>`)}
+    <button class="legend-button" aria-expanded=${isOpen} onClick=${() => setOpen(!isOpen)}>Legend</button>
+    <aside class="legend ${isOpen ? "open" : ""}" aria-label="Legend">
+      <ul class="signs">
+        ${STATIONS.map(([kind, text]) => html`<li><${StationSign} kind=${kind} /> ${text}</li>`)}
       </ul>
-      <${LookAhead} />
-      <${NetworkChoice} />
-      ${isOperator() && html`<a href=${pathTo("map", "zone")}>Close an area…</a>`}
+      <ul class="counts" aria-label="Drones by state">
+        ${countsByState().map(([state, count]) => html`<li><b>${count}</b> ${inWords(state)}</li>`)}
+      </ul>
+      <div class="legend-more">
+        <${LookAhead} />
+        <${NetworkChoice} />
+        ${isOperator() && html`<a class="close-area" href=${pathTo("map", "zone")}>Close an area…</a>`}
+      </div>
     </aside>`;
 }

@@ -1,6 +1,6 @@
 // Finds a drone or a station by its name and opens it: the keyboard's way to what the map shows.
 
-import {useState} from "preact/hooks";
+import {useEffect, useRef, useState} from "preact/hooks";
 
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
@@ -28,22 +28,38 @@ function found(places, text) {
 
 export function MapSearch({network}) {
   const [text, setText] = useState("");
+  // On a phone the box is a button until somebody looks for something.
+  const [isOpen, setOpen] = useState(false);
+  const input = useRef(null);
+  useEffect(() => {
+    if (isOpen) input.current.focus();
+  }, [isOpen]);
   // What nobody looks for is not searched: there may be thousands of drones.
   const matches = text ? found([...stationPlaces(network), ...dronePlaces()], text) : [];
+  const leave = () => {
+    setText("");
+    setOpen(false);
+  };
   const open = (event) => {
     event.preventDefault();
-    if (matches.length) location.hash = pathTo(...matches[0].href);
+    if (matches.length === 0) return;
+    location.hash = pathTo(...matches[0].href);
+    leave();
   };
   return html`
-    <search class="map-search">
+    <button class="search-button" aria-label="Search" aria-expanded=${isOpen}
+      onClick=${() => setOpen(!isOpen)}>
+      <svg viewBox="0 0 20 20" aria-hidden="true"><path d="M13 13l4.5 4.5M14.5 9a5.5 5.5 0 1 1-11 0 5.5 5.5 0 0 1 11 0z" /></svg>
+    </button>
+    <search class="map-search ${isOpen ? "open" : ""}">
       <form onSubmit=${open}>
-        <input type="search" aria-label="Find a drone or a station" placeholder="Find a drone or a station"
+        <input type="search" ref=${input} aria-label="Find a drone or a station" placeholder="Find a drone or a station"
           value=${text} onInput=${({target}) => setText(target.value)} />
       </form>
       ${text && html`
         <ul aria-label="Found">
           ${matches.slice(0, MOST).map(({name, id, href}) => html`
-            <li key=${id}><a href=${pathTo(...href)} onClick=${() => setText("")}>${name}</a></li>`)}
+            <li key=${id}><a href=${pathTo(...href)} onClick=${leave}>${name}</a></li>`)}
           ${matches.length > MOST && html`<li>and ${matches.length - MOST} more</li>`}
           ${matches.length === 0 && html`<li>Nothing has this name.</li>`}
         </ul>`}

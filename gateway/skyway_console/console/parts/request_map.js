@@ -15,7 +15,7 @@ export function RequestMap({network}) {
   const container = useRef(null);
   useEffect(() => {
     const map = new FleetMap(container.current, ({stationId, position}) =>
-      (stationId ? choose(stationId) : choosePoint(position, network)));
+      (stationId ? choose(stationId) : choosePoint(position, network)), {isLive: true});
     const marks = new RequestMarks(map);
     // Stories in tests look for the place of a station on the screen.
     container.current.fleetMap = map;

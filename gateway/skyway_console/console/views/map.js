@@ -26,13 +26,13 @@ function openClicked({droneId, stationId, position}) {
   else if (stationId) openView("map", "station", stationId);
 }
 
-function useFleetMap(container, opened) {
+function useFleetMap(container, opened, station) {
   const map = useRef(null);
   useEffect(() => {
-    const made = new FleetMap(container.current, openClicked);
+    const made = new FleetMap(container.current, openClicked, {isLive: true});
     map.current = made;
     const stops = [
-      effect(() => made.drones.show(picture.drones.value)),
+      effect(() => made.drones.show(picture.drones.value, picture.missions.value)),
       effect(() => made.showStations(picture.stations.value, closedThen.value)),
       effect(() => made.showDraft(draftRing.value ?? [])),
     ];
@@ -45,11 +45,14 @@ function useFleetMap(container, opened) {
   }, []);
   useEffect(() => {
     map.current.drones.select(opened);
+    const shown = picture.drones.peek()[opened];
+    if (shown) map.current.reveal(shown.position);
     return effect(() => {
       const drone = picture.drones.value[opened];
       map.current.showPlan(picture.missions.value[drone?.mission_id], drone);
     });
   }, [opened]);
+  useEffect(() => map.current.openStation(station), [station]);
   return map;
 }
 
@@ -77,7 +80,7 @@ function useNetwork(map) {
 
 export function MapView({parts: [kind, id]}) {
   const container = useRef(null);
-  const map = useFleetMap(container, kind === "drone" ? id : null);
+  const map = useFleetMap(container, kind === "drone" ? id : null, kind === "station" ? id : null);
   const network = useNetwork(map);
   const close = () => openView("map");
   return html`
