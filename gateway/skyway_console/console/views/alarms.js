@@ -7,11 +7,10 @@ import {closureTimes, hasBegun} from "../closed.js";
 import {ticks} from "../fleet_clock.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
-import {openAlarms, picture} from "../live.js";
+import {alarmSound, openAlarms, picture} from "../live.js";
 import {pathTo} from "../routes.js";
 import {isOperator} from "../session.js";
 import {distanceText, inWords, momentText, shortId, stationName} from "../words.js";
-import {alarmSound} from "../parts/alarm_sound.js";
 import {STOP_MOMENTS, askToClose, askToOpen, closureName} from "../parts/closures.js";
 import {attempt} from "../parts/messages.js";
 
