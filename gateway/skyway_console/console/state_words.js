@@ -34,13 +34,13 @@ const STATES = {
     CANCELLED: ["Cancelled", "The package is not delivered any more."],
   },
   drone: {
-    REGISTERED: ["Never seen", "It is registered, and has not enrolled or reported yet."],
+    REGISTERED: ["Registered", "It has not enrolled or reported yet."],
     AVAILABLE: ["Available", "It is ready for a mission."],
     RESERVED: ["Reserved", "It has a mission that has not begun."],
     ON_MISSION: ["On mission", "It flies a mission."],
     RECHARGING: ["Recharging", "It stands on a pad and recharges."],
     OFFLINE: ["Offline", "It does not report. Look at its power and its connection."],
-    MAINTENANCE: ["In maintenance", "Its provider has taken it out of service."],
+    MAINTENANCE: ["Maintenance", "Its provider has taken it out of service."],
     GROUNDED: ["Grounded", "It must not fly: it has a fault, or it came down outside of a station."],
   },
   droneActivity: {

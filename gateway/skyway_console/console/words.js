@@ -74,6 +74,10 @@ export const stationName = (id) => stationNames.value.get(id) ?? wordsOfId(id);
 export const wordsOfId = (id) =>
   id.split(/[-_]/).map((word) => word.charAt(0).toUpperCase() + word.slice(1)).join(" ");
 
+// "dji-matrice-300-rtk" is "DJI Matrice 300 RTK": short words without a digit are abbreviations.
+export const modelName = (id) => wordsOfId(id).split(" ")
+  .map((word) => (/^[a-z]{1,3}$/i.test(word) ? word.toUpperCase() : word)).join(" ");
+
 export const inWords = (name) => {
   const words = String(name).toLowerCase().replaceAll("_", " ");
   return words.charAt(0).toUpperCase() + words.slice(1);

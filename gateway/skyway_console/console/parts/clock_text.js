@@ -9,5 +9,6 @@ export function ClockText() {
   const [now, rate] = [fleetNow(), fleetRate()];
   const day = new Date(now).toLocaleDateString([], {weekday: "long", day: "numeric", month: "long", year: "numeric"});
   const speed = rate === 1 ? "" : `×${Number(rate.toPrecision(3))}`;
-  return html`<time class="clock" title=${`Fleet time, ${day}`}>${clockTime(now)} <small>${zoneName(now)} ${speed}</small></time>`;
+  return html`
+    <time class="clock" title=${`Fleet time, ${day}`}>${clockTime(now)} <small>${zoneName(now)} ${speed}</small></time>`;
 }

@@ -7,8 +7,7 @@ import {ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {openAlarms} from "../live.js";
 import {pathTo} from "../routes.js";
-import {endSession, session} from "../session.js";
-import {wordsOfId} from "../words.js";
+import {endSession, personName, session} from "../session.js";
 import {ClockText} from "./clock_text.js";
 import {ConfirmDialog} from "./confirm_dialog.js";
 import {Icon} from "./icons.js";
@@ -26,10 +25,9 @@ const NEAR = {
 // What stands in the menu on a wide screen too.
 const IN_MENU = ["account"];
 
-// Ids of providers are not for reading.
-function personName({subject_id: id, role}) {
-  return role === "provider" ? "Provider" : wordsOfId(id);
-}
+const Mark = () => html`
+  <svg class="mark" width="24" height="24" viewBox="0 0 24 24" aria-hidden="true">
+    <circle cx="12" cy="12" r="12" /><path d="M5.5 13.5 18 6l-4.5 12.5-2.6-4.6z" /></svg>`;
 
 const Connection = () => html`
   <span class="connection ${freshness.value}" role="status">${LEVELS[freshness.value]}</span>`;
@@ -70,7 +68,7 @@ export function Frame({views, open, children}) {
   return html`
     <a class="skip" href="#view">Skip to the view</a>
     <header class="frame">
-      <a class="brand" href=${pathTo("home")}><img src="/docs/assets/favicon.png" alt="" width="22" height="22" />Skyway</a>
+      <a class="brand" href=${pathTo("home")}><${Mark} />Skyway</a>
       <nav class="wide-only" aria-label="Views">
         <${Links} views=${views.filter(([each]) => !IN_MENU.includes(each))} open=${open} />
       </nav>

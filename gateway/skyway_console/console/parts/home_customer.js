@@ -5,9 +5,9 @@ import {html} from "../html.js";
 import {connection, picture} from "../live.js";
 import {usePolledPath} from "../polled.js";
 import {pathTo} from "../routes.js";
-import {session} from "../session.js";
+import {personName, session} from "../session.js";
 import {StateText} from "../state_words.js";
-import {distanceText, durationText, shortId, stationName, wordsOfId, zonedText} from "../words.js";
+import {distanceText, durationText, shortId, stationName, zonedText} from "../words.js";
 import {Icon} from "./icons.js";
 import {WaySketch} from "./way_sketch.js";
 
@@ -95,7 +95,7 @@ export function CustomerHome() {
   const deliveries = running();
   return html`
     <header class="headline">
-      <h1>${greeting()}, ${wordsOfId(session.value.subject_id)}</h1>
+      <h1>${greeting()}, ${personName(session.value)}</h1>
       <p>${firstSentence(deliveries)}</p>
       <a class="large-button" href=${pathTo("new")}><${Icon} name="new" /> New delivery</a>
     </header>

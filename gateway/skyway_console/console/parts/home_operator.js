@@ -42,10 +42,11 @@ function Headline() {
   ticks.value; // read so that waiting grows old by itself
   const found = needs();
   const underWay = running().filter((each) => !each.is_waiting && each.state !== "SCHEDULED").length;
+  const links = found.map(([text, view]) => html`<li key=${view}><a href=${pathTo(view)}>${text}</a></li>`);
   return html`
     <header class="headline ${found.length ? "warn" : "fine"}">
       <h1>${found.length ? count(found.length, "thing needs you", "things need you") : "All is well"}</h1>
-      ${found.length ? html`<ul>${found.map(([text, view]) => html`<li key=${view}><a href=${pathTo(view)}>${text}</a></li>`)}</ul>`
+      ${found.length ? html`<ul>${links}</ul>`
         : html`<p>${count(underWay, "delivery is", "deliveries are")} under way, and none is late.</p>`}
     </header>`;
 }
@@ -117,6 +118,7 @@ function PadsTile() {
   return html`
     <${Tile} title="Pads in use" figure=${taken} unit=${hours && `of ${hours.at(-1).pads} now`} href=${pathTo("schedule")}
       kind="large" feeds="feeds-missions">
+      ${!hours && html`<p>Reading the hours of today…</p>`}
       ${hours && html`<${Heat} label="Pads in use by hour" cells=${cells} />
         <p>At most ${most.toFixed(1)} pads in use on average in an hour of today.</p>`}
     </${Tile}>`;
