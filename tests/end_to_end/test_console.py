@@ -281,7 +281,7 @@ def test_an_alarm_that_one_acknowledges_leaves_every_console(
     system.request_delivery(["cold-s2"], pickup="cold-s1")
     other = ConsolePage(chromium, system).open_with(system.keys["SKYWAY_OPERATOR_KEY"])
     rows = [
-        each.show("alarms").page.locator("tr[data-alarm]", has_text=drone[-6:]).first
+        each.show("alarms").page.locator(f"tr[data-alarm]:has(a[href$='{drone}'])").first
         for each in (console, other)
     ]
     for row in rows:
