@@ -217,6 +217,7 @@ def build_parts(
                 Drones(clients["registry"]),
             ),
             most_views=settings.live_views_per_tenant,
+            now=clock.now,
         ),
     )
 

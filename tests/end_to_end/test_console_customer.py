@@ -218,7 +218,7 @@ def test_a_customer_tests_a_webhook_and_sees_the_attempt(
 def test_a_customer_sees_no_view_of_others(customer: ConsolePage) -> None:
     page = customer.page
     views = page.get_by_role("navigation", name="Views").get_by_role("link")
-    expect(views).to_have_text(["Map", "New delivery", "Deliveries", "Statements", "Keys"])
+    expect(views).to_have_text(["Home", "Map", "New delivery", "Deliveries", "Statements"])
     for view in ("fleet", "schedule", "alarms"):
         customer.show(view)
-        expect(page.get_by_role("application", name="Map of the fleet")).to_be_visible()
+        expect(page.get_by_role("heading", level=1)).to_contain_text("Newcomer")

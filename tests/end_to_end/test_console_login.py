@@ -35,10 +35,11 @@ def test_a_key_opens_the_console_and_a_wrong_key_does_not(browser: Browser, syst
 
     page.get_by_label("API key").fill(system.keys["SKYWAY_OPERATOR_KEY"])
     page.get_by_role("button", name="Log in").click()
-    expect(page.locator(".who")).to_have_text("operator (operator)")
+    expect(page.locator(".person")).to_have_text("Operator")
     stored = page.evaluate("JSON.stringify([localStorage, sessionStorage, document.cookie])")
     assert (stored, page.url) == ('[{},{},""]', f"{console.gateway_url}/console")
 
+    page.locator(".person").click()
     page.get_by_role("button", name="Log out").click()
     expect(page.get_by_label("API key")).to_be_visible()
     page.reload()
@@ -50,7 +51,7 @@ def test_a_login_link_opens_the_console_once(browser: Browser, system: Any) -> N
     first, second = ConsolePage(browser, system), ConsolePage(browser, system)
 
     first.page.goto(url)
-    expect(first.page.locator(".who")).to_have_text("operator (operator)")
+    expect(first.page.locator(".person")).to_have_text("Operator")
     assert "login" not in first.page.url
     second.page.goto(url)
     expect(second.page.get_by_role("alert")).to_be_visible()
@@ -85,25 +86,25 @@ def test_an_operator_sees_a_drone_move_and_opens_its_plan(browser: Browser, syst
 @pytest.mark.long
 def test_a_link_asks_before_it_replaces_a_session(browser: Browser, system: Any) -> None:
     console = ConsolePage(browser, system).open_with(system.keys["SKYWAY_OPERATOR_KEY"])
-    page, name = console.page, console.page.locator(".who")
+    page, name = console.page, console.page.locator(".person")
     link = login_link(system, "SKYWAY_CUSTOMER_KEY")
 
     page.goto(link)
-    expect(page.get_by_text("You are logged in as operator (operator)")).to_be_visible()
+    expect(page.get_by_text("You are logged in as Operator")).to_be_visible()
     assert console.serious_problems() == []
     page.get_by_role("button", name="Stay logged in").click()
-    expect(name).to_have_text("operator (operator)")
+    expect(name).to_have_text("Operator")
 
     page.evaluate("link => { location.hash = new URL(link).hash }", link)
     with page.expect_event("load"):
         page.get_by_role("button", name="Use the link").click()
-    expect(name).to_have_text("newcomer (customer)")
+    expect(name).to_have_text("Newcomer")
     assert "login" not in page.url
 
     page.evaluate("link => { location.hash = new URL(link).hash }", link)
     page.get_by_role("button", name="Use the link").click()
     expect(page.get_by_text("this login link was used")).to_be_visible()
-    expect(name).to_have_text("newcomer (customer)")
+    expect(name).to_have_text("Newcomer")
     assert console.sound()
 
 

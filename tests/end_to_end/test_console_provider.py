@@ -82,7 +82,8 @@ def test_a_provider_registers_a_drone_and_sees_its_token(
 
     page.get_by_role("button", name="I have kept it").click()
     expect(token).to_have_count(0)
-    row.get_by_role("button", name="Another enrolment token").click()
+    row.get_by_role("button", name="What to do with").click()
+    page.get_by_role("button", name="Another enrolment token").click()
     console.show_key()
     expect(token).not_to_have_value(first)
     assert page.locator("main img, main b").count() == 0
@@ -99,9 +100,12 @@ def test_a_provider_takes_a_drone_into_maintenance_and_back(
     [drone] = provider["drones"]
     state = page.locator(f"[data-drone={drone['drone_id']}] .state")
 
+    menu = page.get_by_role("button", name="What to do with")
+    menu.click()
     page.get_by_role("button", name="into maintenance").click()
     expect(state).to_have_text("Maintenance")
     assert [each["state"] for each in drones_of(system, provider)] == ["MAINTENANCE"]
+    menu.click()
     page.get_by_role("button", name="back in service").click()
     expect(state).to_have_text("Available")
     system.until_available(provider["provider_id"], drones=1)
@@ -163,7 +167,7 @@ def test_a_provider_sees_its_own_fleet_and_an_operator_every_one(
     expect(views).not_to_contain_text(["New delivery"])
     for view in ("new", "deliveries"):
         console.show(view)
-        expect(page.get_by_role("application", name="Map of the fleet")).to_be_visible()
+        expect(page.get_by_role("heading", name="Your fleet")).to_be_visible()
 
     operator = opened(system.keys["SKYWAY_OPERATOR_KEY"])
     page = operator.show("fleet").page

@@ -10,14 +10,33 @@ export const refusedCalls = signal(0);
 // What waits for the API key itself, because a session may not do it: called with the key, or null.
 export const keyWanted = signal(null);
 
-// What the gateway answered instead of doing it, in a sentence; `problem` is its answer.
+// How long an answer may take until it counts as lost.
+const READ_WITHIN_MS = 60_000;
+
+const sentence = (text) => `${text.charAt(0).toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? "" : "."}`;
+
+// What somebody can try after a refusal, by its status.
+function whatToTry(status, retryAfterS) {
+  if (status === 0) return "Check your connection and try again.";
+  if (status === 401) return "Log in again.";
+  if (status === 403) return "Ask an operator for a key that may do this.";
+  if (status === 404) return "It may be gone: open the list again.";
+  if (status === 409) return "Look at it again: somebody may have changed it.";
+  if (status === 429) return `Try again in ${retryAfterS ?? "a few"} s.`;
+  return status >= 500 ? "Try again in a minute. Your data is safe." : "";
+}
+
+// What the gateway answered instead of doing it, and what to try; `problem` is its answer.
 export class Refusal extends Error {
-  constructor(status, problem) {
-    super(problem.detail ?? problem.title ?? `The gateway answered ${status}.`);
+  constructor(status, problem, retryAfterS = null) {
+    const said = sentence(problem.detail ?? problem.title ?? `The gateway answered ${status}`);
+    super(`${said} ${whatToTry(status, retryAfterS)}`.trim());
     this.status = status;
     this.problem = problem;
   }
 }
+
+const refused = (answer, problem) => new Refusal(answer.status, problem, answer.headers.get("Retry-After"));
 
 // The key that somebody types, or null. A question that waits already is given up.
 const askForKey = () => new Promise((give) => {
@@ -33,9 +52,10 @@ export async function call(method, path, body, headers = {}) {
       method,
       headers: {...(body === undefined ? {} : {"Content-Type": "application/json"}), ...headers},
       body: body === undefined ? undefined : JSON.stringify(body),
+      signal: method === "GET" ? AbortSignal.timeout(READ_WITHIN_MS) : undefined,
     });
   } catch {
-    throw new Refusal(0, {title: "The gateway does not answer. Try again."});
+    throw new Refusal(0, {title: "The gateway does not answer."});
   }
   if (answer.ok) return answer.status === 204 ? null : answer.json();
   // A key or a login that is refused says nothing of the session that this browser has.
@@ -44,7 +64,7 @@ export async function call(method, path, body, headers = {}) {
   // The key is sent with this one call, and kept nowhere.
   const key = problem.code === "KEY_NEEDED" && (await askForKey());
   if (key) return call(method, path, body, {...headers, Authorization: `Bearer ${key}`});
-  throw new Refusal(answer.status, problem);
+  throw refused(answer, problem);
 }
 
 export const get = (path) => call("GET", path);
@@ -70,7 +90,7 @@ export async function saveCsv(path, name) {
   const rows = [];
   for (let next = path; next;) {
     const answer = await fetch(next, {headers: {Accept: "text/csv"}});
-    if (!answer.ok) throw new Refusal(answer.status, await answer.json().catch(() => ({})));
+    if (!answer.ok) throw refused(answer, await answer.json().catch(() => ({})));
     const text = await answer.text();
     rows.push(rows.length ? text.slice(text.indexOf("\r\n") + 2) : text);
     next = /<([^>]+)>; rel="next"/.exec(answer.headers.get("Link") ?? "")?.[1];

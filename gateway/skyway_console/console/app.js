@@ -10,6 +10,7 @@ import {followPicture, forgetPicture} from "./live.js";
 import {learnNames} from "./networks.js";
 import {route} from "./routes.js";
 import {loginProblem, offeredLogin, recogniseSession, session} from "./session.js";
+import {followAlarms} from "./parts/alarm_sound.js";
 import {Frame} from "./parts/frame.js";
 import {LoginForm} from "./parts/login_form.js";
 import {LoginQuestion} from "./parts/login_question.js";
@@ -18,6 +19,7 @@ import {AlarmsView} from "./views/alarms.js";
 import {CustomerView} from "./views/customer.js";
 import {DeliveriesView} from "./views/deliveries.js";
 import {HealthView} from "./views/health.js";
+import {HomeView} from "./views/home.js";
 import {MapView} from "./views/map.js";
 import {ProviderView} from "./views/provider.js";
 import {ReplayView} from "./views/replay.js";
@@ -26,6 +28,7 @@ import {StatementsView} from "./views/statements.js";
 
 // By the first part of the address: the view, its name, and the roles that have it.
 const VIEWS = {
+  home: {view: HomeView, name: "Home", roles: ["operator", "provider", "customer"]},
   map: {view: MapView, name: "Map", roles: ["operator", "provider", "customer"]},
   schedule: {view: ScheduleView, name: "Schedule", roles: ["operator", "provider"]},
   new: {view: CustomerView, name: "New delivery", roles: ["customer"]},
@@ -61,6 +64,8 @@ effect(() => {
     forgetPicture();
   }
 });
+
+followAlarms();
 
 // A call that is refused for want of a session leads back to the form.
 effect(() => {

@@ -7,6 +7,10 @@ import {get} from "./api.js";
 // What the gateway said, and when by this browser's clock.
 let anchor = {fleetMs: Date.now(), readMs: Date.now(), rate: 1};
 
+// When the gateway last gave the time, in milliseconds of the page's life.
+let heardMs = 0;
+export const clockHeardMs = () => heardMs;
+
 const EVERY_MS = 1_000;
 const READ_EVERY_MS = 30_000;
 
@@ -19,6 +23,7 @@ export const ticks = signal(0);
 async function readClock() {
   const {now, rate} = await get("/v1/clock");
   anchor = {fleetMs: Date.parse(now), readMs: Date.now(), rate};
+  heardMs = performance.now();
 }
 
 let isRunning = false;

@@ -3,7 +3,9 @@
 import {batch, computed, signal} from "@preact/signals";
 
 import {get} from "./api.js";
-import {onWake} from "./wakes.js";
+import {session} from "./session.js";
+import {SharedStream} from "./shared_stream.js";
+import {onHidden, onWake} from "./wakes.js";
 
 export const KINDS = ["drones", "missions", "deliveries", "stations", "closures", "alarms", "services"];
 
@@ -13,9 +15,16 @@ export const picture = Object.fromEntries(KINDS.map((kind) => [kind, signal({})]
 // Whether changes arrive: "opening", "open" or "lost".
 export const connection = signal("opening");
 
+// Whether a tone sounds when an alarm comes. A tab that listens for alarms keeps its stream when nobody sees it.
+export const alarmSound = signal(false);
+
 const AGAIN_MS = 2_000;
-let stream = null;
-let again = null;
+let shared = null;
+let isWhole = false;
+
+// When this page last heard of the gateway by the stream, in milliseconds of the page's life.
+let heardMs = 0;
+export const streamHeardMs = () => heardMs;
 
 // The document after a merge patch (RFC 7396); the given one is left as it is.
 export function merged(target, patch) {
@@ -30,61 +39,102 @@ export function merged(target, patch) {
 
 export function followPicture() {
   leavePicture();
-  let hasSnapshot = false;
-  stream = new EventSource("/v1/live");
-  // The browser has connected again, and the stream goes on where it was: perhaps nothing has changed.
-  stream.addEventListener("open", () => {
-    if (hasSnapshot) connection.value = "open";
-  });
-  stream.addEventListener("snapshot", ({data}) => {
-    hasSnapshot = true;
-    showWhole(JSON.parse(data));
-  });
-  stream.addEventListener("change", ({data}) => showChange(JSON.parse(data)));
-  stream.addEventListener("error", () => {
-    connection.value = "lost";
-    // The browser connects again by itself, except after a refusal.
-    if (stream?.readyState === EventSource.CLOSED) again = setTimeout(askAgain, AGAIN_MS);
+  const mark = JSON.stringify(session.peek());
+  shared = new SharedStream(`skyway-live ${mark}`, {
+    open: (pass) => openStream(pass, mark),
+    whole: () => (isWhole ? {type: "snapshot", state: connection.peek(), data: wholePicture()} : null),
+    hear,
   });
 }
 
-async function askAgain() {
-  // An ended session shows itself here, and the console asks for a key.
-  const refusal = await get("/v1/sessions/current").then(() => null, (reason) => reason);
-  if (refusal?.status !== 401) followPicture();
+const wholePicture = () => Object.fromEntries(KINDS.map((kind) => [kind, picture[kind].peek()]));
+
+// Opens the event stream; the answer closes it.
+function openStream(pass, mark) {
+  let again = null;
+  let stream = null;
+  const open = () => {
+    stream = new EventSource("/v1/live");
+    // The browser has connected again, and the stream goes on where it was: perhaps nothing has changed.
+    stream.addEventListener("open", () => isWhole && pass({type: "state", state: "open"}));
+    for (const type of ["snapshot", "change"]) {
+      stream.addEventListener(type, ({data}) => pass({type, state: "open", data: JSON.parse(data)}));
+    }
+    stream.addEventListener("error", () => {
+      pass({type: "state", state: "lost"});
+      clearTimeout(again);
+      again = setTimeout(askAgain, AGAIN_MS);
+    });
+  };
+  async function askAgain() {
+    const own = stream;
+    const isSame = await isSameSession(mark);
+    // The browser connects again by itself, except after a refusal.
+    if (isSame && own === stream && own?.readyState === EventSource.CLOSED) open();
+  }
+  open();
+  return () => {
+    clearTimeout(again);
+    stream.close();
+    stream = null;
+  };
+}
+
+// An ended session shows itself here, and the console asks for a key. Another tab may have logged in
+// as somebody else: nothing that was read before stays in this page then.
+async function isSameSession(mark) {
+  const now = await get("/v1/sessions/current").catch((refusal) => refusal);
+  if (now.status === 401) return false;
+  if (now instanceof Error || JSON.stringify(now) === mark) return true;
+  location.reload();
+  return false;
 }
 
 function leavePicture() {
-  clearTimeout(again);
-  stream?.close();
-  stream = null;
+  shared?.leave();
+  shared = null;
+  isWhole = false;
 }
 
-onWake(() => {
-  if (stream !== null) followPicture();
+// A tab that nobody sees holds no stream. When it comes back, its drones are placed: none glides
+// from where it was long ago.
+onHidden(() => alarmSound.peek() || leavePicture());
+onWake(async () => {
+  const own = session.peek();
+  if (!own || !(await isSameSession(JSON.stringify(own))) || session.peek() !== own) return;
+  connection.value = "opening";
+  followPicture();
 });
 
 // Nothing of one session is seen in the next.
 export function forgetPicture() {
   leavePicture();
-  showWhole({});
-  connection.value = "opening";
+  batch(() => {
+    connection.value = "opening";
+    for (const kind of KINDS) picture[kind].value = {};
+  });
+}
+
+function hear({type, state, data}) {
+  if (state === "open") heardMs = performance.now();
+  if (type === "change" && !isWhole) return;
+  if (type === "snapshot" && !isWhole) picture.drones.value = {};
+  batch(() => {
+    connection.value = state;
+    if (type === "snapshot") showWhole(data);
+    if (type === "change") showChange(data);
+  });
 }
 
 function showWhole(document) {
-  batch(() => {
-    connection.value = "open";
-    for (const kind of KINDS) picture[kind].value = document[kind] ?? {};
-  });
+  isWhole = true;
+  for (const kind of KINDS) picture[kind].value = document[kind] ?? {};
 }
 
 function showChange(patch) {
-  batch(() => {
-    connection.value = "open";
-    for (const [kind, changes] of Object.entries(patch)) {
-      if (kind in picture) picture[kind].value = merged(picture[kind].value, changes ?? {});
-    }
-  });
+  for (const [kind, changes] of Object.entries(patch)) {
+    if (kind in picture) picture[kind].value = merged(picture[kind].value, changes ?? {});
+  }
 }
 
 // The missions that fly with this mission, as guests; customers see only their own missions.

@@ -3,6 +3,7 @@
 import {signal} from "@preact/signals";
 
 import {LOGIN, call, get} from "./api.js";
+import {wordsOfId} from "./words.js";
 
 // undefined while the gateway was not asked, null without a session.
 export const session = signal(undefined);
@@ -56,5 +57,8 @@ export async function endSession() {
   await call("DELETE", "/v1/sessions/current").catch(() => null);
   session.value = null;
 }
+
+// The name of somebody. The ids of providers are not for reading.
+export const personName = ({subject_id: id, role}) => (role === "provider" ? "Provider" : wordsOfId(id));
 
 export const isOperator = () => session.value?.role === "operator";

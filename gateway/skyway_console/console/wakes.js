@@ -1,7 +1,8 @@
-// Notices that the page slept: nobody saw it for a while, or the machine stood still. A stream that
-// ended meanwhile often looks open, because nothing has told the browser.
+// Notices that nobody sees the page for a while, and that it is seen again or that the machine stood
+// still. A stream that ended meanwhile often looks open, because the browser does not notice it.
 
 const SLEPT_MS = 5_000;
+const HIDDEN_MS = 10_000;
 const TICK_MS = 2_000;
 
 let hiddenAt = null;
@@ -24,4 +25,15 @@ export function onWake(action) {
     tickedAt = Date.now();
     if (slept) action();
   }, TICK_MS);
+}
+
+// Calls `action` when nobody has seen the page for ten seconds.
+export function onHidden(action) {
+  let timer = null;
+  const wait = () => {
+    clearTimeout(timer);
+    if (document.visibilityState === "hidden") timer = setTimeout(action, HIDDEN_MS);
+  };
+  document.addEventListener("visibilitychange", wait);
+  wait();
 }

@@ -1,20 +1,32 @@
 // How moments, charge, money and ids are written.
 
-import {fleetNow} from "./fleet_clock.js";
+import {fleetNow, ticks} from "./fleet_clock.js";
 import {stationNames} from "./networks.js";
 
 export const clockTime = (moment) =>
   new Date(moment).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit", hourCycle: "h23"});
 
-const DAY_MS = 86_400_000;
+// The zone of all times, such as "CET": it is that of the browser, and changes with summer time.
+export function zoneName(moment = fleetNow()) {
+  const parts = new Intl.DateTimeFormat([], {timeZoneName: "short"}).formatToParts(new Date(moment));
+  return parts.find(({type}) => type === "timeZoneName").value;
+}
+
+// The day and the month, and the year too if it is another one.
+function dateText(date, now) {
+  const year = date.getFullYear() === now.getFullYear() ? {} : {year: "numeric"};
+  return date.toLocaleDateString([], {day: "numeric", month: "short", ...year});
+}
 
 // A time of today, or a day and a time.
 export function momentText(moment) {
-  const ms = typeof moment === "number" ? moment : Date.parse(moment);
-  const isNear = Math.abs(ms - fleetNow()) < DAY_MS / 2;
-  const day = new Date(ms).toLocaleDateString([], {day: "numeric", month: "short"});
-  return isNear ? clockTime(ms) : `${day}, ${clockTime(ms)}`;
+  const [date, now] = [new Date(moment), new Date(fleetNow())];
+  const isToday = date.toDateString() === now.toDateString();
+  return isToday ? clockTime(date) : `${dateText(date, now)}, ${clockTime(date)}`;
 }
+
+// The same with the zone, for sentences and for what is shown when the pointer rests.
+export const zonedText = (moment) => `${momentText(moment)} ${zoneName(moment)}`;
 
 // A day with its year and a time, for moments of wall time.
 export const dayText = (moment) => new Date(moment).toLocaleString([], {
@@ -29,8 +41,9 @@ export function durationText(seconds) {
   return `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min`;
 }
 
-// "in 5 min", "3 min ago".
+// "in 5 min", "3 min ago". What shows it is drawn again each second, so it stays true.
 export function distanceText(moment) {
+  ticks.value;
   const seconds = (Date.parse(moment) - fleetNow()) / 1000;
   return seconds >= 0 ? `in ${durationText(seconds)}` : `${durationText(seconds)} ago`;
 }
@@ -58,8 +71,12 @@ export const shortId = (id) => (id.length > 12 ? `…${id.slice(-6)}` : id);
 // The words of its id, until its network's content is here, or where it has no name.
 export const stationName = (id) => stationNames.value.get(id) ?? wordsOfId(id);
 
-const wordsOfId = (id) =>
+export const wordsOfId = (id) =>
   id.split(/[-_]/).map((word) => word.charAt(0).toUpperCase() + word.slice(1)).join(" ");
+
+// "dji-matrice-300-rtk" is "DJI Matrice 300 RTK": short words without a digit are abbreviations.
+export const modelName = (id) => wordsOfId(id).split(" ")
+  .map((word) => (/^[a-z]{1,3}$/i.test(word) ? word.toUpperCase() : word)).join(" ");
 
 export const inWords = (name) => {
   const words = String(name).toLowerCase().replaceAll("_", " ");

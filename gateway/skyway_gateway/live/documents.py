@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
 from typing import Any, Final
 
 from pydantic_core import to_jsonable_python
@@ -121,13 +122,19 @@ def linked_delivery_item(delivery_id: DeliveryId, version: int) -> tuple[Key, It
 
 
 def service_items(
-    name: str, figures: JsonObject, *, is_answering: bool
+    name: str,
+    figures: JsonObject,
+    *,
+    is_answering: bool,
+    silent_since_at: datetime | None = None,
 ) -> tuple[tuple[Key, Item], tuple[Key, Item]]:
     """Whether a service answers; while it does not, its part of the picture stands still.
 
     Operators see its figures too.
     """
-    answering = {"is_answering": is_answering}
+    answering: dict[str, Any] = {"is_answering": is_answering}
+    if silent_since_at is not None:
+        answering["silent_since_at"] = to_jsonable_python(silent_since_at)
     return (
         (Key("services", name), Item({**figures, **answering}, OPERATORS)),
         (Key("services", name, _PROVIDERS), Item(answering, Readers(all_providers=True))),

@@ -7,6 +7,7 @@ import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Final
 
 from skyway.runtime.errors import BudgetSpent, ServiceUnavailable
@@ -49,6 +50,9 @@ class LiveFeed:
     #: What operators see of each service, beside whether it answers.
     figures: dict[str, JsonObject] = field(default_factory=dict)
     epoch: str = field(default_factory=lambda: secrets.token_hex(4))
+    #: Fleet time.
+    now: Callable[[], datetime] = lambda: datetime.now(UTC)
+    _silent_since: dict[str, datetime] = field(default_factory=dict)
     _picture: Picture = field(default_factory=Picture)
     _views: dict[Scope, View] = field(default_factory=dict)
     _left_at: dict[Scope, int] = field(default_factory=dict)
@@ -144,11 +148,17 @@ class LiveFeed:
             await source.read(self._picture)
         except ServiceUnavailable as error:
             log.info("live picture stands still", extra={"part": source.name, "reason": str(error)})
-            is_answering = False
+            since_at = self._silent_since.setdefault(source.name, self.now())
         else:
-            is_answering = True
+            since_at = None
+            self._silent_since.pop(source.name, None)
         figures = self.figures.get(source.name, {})
-        self._picture.put(service_items(source.name, figures, is_answering=is_answering))
+        is_answering = since_at is None
+        self._picture.put(
+            service_items(
+                source.name, figures, is_answering=is_answering, silent_since_at=since_at
+            )
+        )
         return is_answering
 
     async def _first_look(self) -> None:
@@ -176,4 +186,5 @@ class LiveFeed:
             for source in self.sources:
                 source.forget()
             self._looked_at = None
+            self._silent_since.clear()
             self._is_complete.clear()

@@ -86,7 +86,8 @@ def _log_in(page: Page, keys: dict[str, str]) -> str:
     bearer = {"Authorization": f"Bearer {keys['SKYWAY_OPERATOR_KEY']}"}
     page.goto(httpx.post(f"{gateway}/v1/session-links", headers=bearer).json()["url"])
     page.wait_for_selector("nav")
-    return f"{gateway}/console"
+    page.goto("about:blank")
+    return f"{gateway}/console#/map"
 
 
 def main(drones: int) -> None:

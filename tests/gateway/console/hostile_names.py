@@ -7,7 +7,8 @@ MARKUP: Final = "<img src=x onerror=alert(1)><b>bold</b>"
 
 MOMENT: Final = "2026-03-01T11:30:00Z"
 DELIVERY: Final = "/v1/deliveries/dlv_1"
-DRONES: Final = "/v1/providers/prv_1/drones"
+_PROVIDER: Final = "/v1/providers/prv_1"
+DRONES: Final = f"{_PROVIDER}/drones"
 
 
 def _page(*items: dict[str, Any]) -> dict[str, Any]:
@@ -65,6 +66,7 @@ _DRONE: Final = {
     "registration": MARKUP,
     "model_id": MARKUP,
     "home_station_id": "a",
+    "maintenance": {"flight_hours": 45.0, "cycles": 9.0, "due_since_at": None},
     "state": "ON_MISSION",
     "activity": "FLYING",
     "soc": 0.5,
@@ -138,6 +140,16 @@ _SERVICE: Final = {
             "trace_id": None,
         }
     ],
+}
+
+_TODAY: Final = {
+    "from": MOMENT,
+    "deliveries": 3,
+    "by_state": {"COMPLETED": 2, "IN_PROGRESS": 1},
+    "packages_delivered": 4,
+    "on_time_share": 0.75,
+    "packages_with_p90": 4,
+    "p90_share": 0.9,
 }
 
 #: What the gateway answers, by path.
@@ -233,6 +245,14 @@ ANSWERS: Final[dict[str, Any]] = {
     "/v1/webhooks": _page(_WEBHOOK),
     "/v1/webhooks/whk_1/attempts": _page(),
     "/v1/system": {"small_world": "UNAVAILABLE", "services": [_SERVICE]},
+    f"{_PROVIDER}/maintenance-rules": {
+        "items": [{"model_id": MARKUP, "every_flight_hours": 50.0, "every_cycles": None}]
+    },
+    "/v1/stats/deliveries": _TODAY | {"buckets": [_TODAY]},
+    "/v1/stats/drones": {
+        "total": {"flying_s": 7200.0, "recharging_s": 60.0, "missions": 3, "utilisation": 0.5}
+    },
+    "/v1/stats/pads": {"total": {"pads": 4, "utilisation": 0.25}},
     "/v1/ground-stops": {
         "affected_missions": [{"mission_id": "msn_1", "at": MOMENT, "delay": None}]
     },
@@ -247,6 +267,7 @@ PICTURE: Final[dict[str, Any]] = {
         "dlv_1": {
             "state": "IN_PROGRESS",
             "is_waiting": True,
+            "mission_ids": ["msn_1"],
             "reference": MARKUP,
             "created_at": MOMENT,
             "pickup": {"station_id": "a"},

@@ -19,6 +19,7 @@ pytestmark = [pytest.mark.integration, needs_browser]
 #: By role: the address of each view, and a text that it shows when it has loaded.
 VIEWS = {
     "operator": {
+        "home": "Deliveries today",
         "map/station/a": "Segments from here",
         "map/drone/drn_1": MARKUP,
         "schedule": "Waits for a drone",
@@ -32,8 +33,13 @@ VIEWS = {
         "health": "Counted failures",
         "account": "New key",
     },
-    "provider": {"fleet/loading": "Confirm loading", "statements": MARKUP},
+    "provider": {
+        "home": "Next maintenance",
+        "fleet/loading": "Confirm loading",
+        "statements": MARKUP,
+    },
     "customer": {
+        "home": "New delivery",
         "account": "Your shop on tracking pages",
         "deliveries/dlv_1": "Tracking link",
         "new": "and 5 more",

@@ -95,7 +95,7 @@ def test_a_page_that_slept_follows_the_picture_anew(stage: StagedPage) -> None:
     assert stage.streams(LIVE) == 1
 
     stage.sleep(60)
-    assert stage.streams(LIVE) == 2
+    stage.page.wait_for_function("() => streams.length === 2")
 
 
 def test_a_drone_on_a_mission_is_shown_before_a_network_is_known(stage: StagedPage) -> None:

@@ -4,14 +4,17 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
+from pydantic_core import to_jsonable_python
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.picture import OPERATORS, Item, Key, Picture
 from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.view import KEPT_LOOKS, View
 from skyway_gateway.live.viewer_frames import ViewerFrames, event_seen
 
+from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.identity import Caller
 from tests.gateway.live.merged import event_of, shown_after
@@ -191,21 +194,25 @@ async def test_events_end_when_the_key_ends() -> None:
 
 async def test_a_service_that_is_away_is_named_and_its_part_stays() -> None:
     source, other = Counter(), Counter(name="composition")
-    feed = LiveFeed((source, other))
+    since = datetime(2026, 3, 1, 12, tzinfo=UTC)
+    clock = ManualClock(since)
+    feed = LiveFeed((source, other), now=clock.now)
     async with viewed(feed) as view:
         viewer = Viewer(feed, view)
         await viewer.read()
         source.is_away = other.is_away = True
         await feed.step()
         _, _, away = await viewer.read()
+        clock.advance(timedelta(minutes=1))
+        await feed.step()
         source.is_away = other.is_away = False
         await feed.step()
         await viewer.read()
 
     assert away == {
         "services": {
-            "registry": {"is_answering": False},
-            "composition": {"is_answering": False},
+            name: {"is_answering": False, "silent_since_at": to_jsonable_python(since)}
+            for name in ("registry", "composition")
         }
     }
     shown = shown_after(viewer.frames)

@@ -1,10 +1,8 @@
 // A short tone when an alarm comes, if somebody has switched it on.
 
-import {effect, signal} from "@preact/signals";
+import {effect} from "@preact/signals";
 
-import {openAlarms} from "../live.js";
-
-export const alarmSound = signal(false);
+import {alarmSound, openAlarms} from "../live.js";
 
 let known = new Set();
 
@@ -18,7 +16,7 @@ function playTone() {
   tone.addEventListener("ended", () => audio.close());
 }
 
-effect(() => {
+export const followAlarms = () => effect(() => {
   const ids = openAlarms.value.map(({alarm_id}) => alarm_id);
   if (alarmSound.peek() && ids.some((id) => !known.has(id))) playTone();
   known = new Set(ids);

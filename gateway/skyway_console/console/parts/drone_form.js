@@ -6,7 +6,7 @@ import {all} from "../api.js";
 import {html} from "../html.js";
 import {stationsOf} from "../map/features.js";
 import {listNetworks, networkContent} from "../networks.js";
-import {stationName} from "../words.js";
+import {modelName, stationName} from "../words.js";
 
 async function readChoices(providerId) {
   const [models, networks] = await Promise.all([all("/v1/drone-models"), listNetworks()]);
@@ -40,7 +40,7 @@ export function DroneForm({providerId, onRegister}) {
   return html`
     <form class="fields" aria-label="New drone" onSubmit=${register}>
       <label>Model<select name="model" required>
-        ${choices.models.map((each) => html`<option value=${each}>${each}</option>`)}
+        ${choices.models.map((each) => html`<option value=${each}>${modelName(each)}</option>`)}
       </select></label>
       <label>Home station<select name="home" required>
         <option value="">Choose a station</option>

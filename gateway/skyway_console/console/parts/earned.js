@@ -37,10 +37,10 @@ export function Earned({month}) {
     </select></label></div>
     <div class="commands"><button onClick=${() => attempt(() => saveCsv(`${path}&limit=200`, `earnings-${by}-${month}.csv`))}>
       ${TEXTS.csv}</button></div>
-    ${found && html`<div class="table"><table aria-label=${TEXTS.by}>
+    ${found && html`<div class="table"><table class="as-cards" aria-label=${TEXTS.by}>
       <thead><tr><th>${TEXTS[found.by]}</th><th>${TEXTS.counted}</th><th>${TEXTS.amount}</th></tr></thead>
       <tbody>${found.items.map((each) => html`
-        <tr><td>${NAMES[found.by](each)}</td><td class="number">${each.deliveries}</td>
-          <td class="number">${money(each)}</td></tr>`)}</tbody>
+        <tr><td class="title">${NAMES[found.by](each)}</td><td class="number" data-label=${TEXTS.counted}>${each.deliveries}</td>
+          <td class="number" data-label=${TEXTS.amount}>${money(each)}</td></tr>`)}</tbody>
     </table></div>`}`;
 }

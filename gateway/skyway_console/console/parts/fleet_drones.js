@@ -10,7 +10,8 @@ import {FleetTable} from "./fleet_table.js";
 import {attempt} from "./messages.js";
 import {SecretBox} from "./secret_box.js";
 
-const AGAIN_MS = 5_000;
+// The live picture shows what changes often.
+const AGAIN_MS = 15_000;
 
 function useDrones(path) {
   const [drones, setDrones] = useState(null);

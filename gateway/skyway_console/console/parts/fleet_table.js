@@ -1,72 +1,43 @@
-// The drones of a provider: how each is, taking it out of service and back, another token.
+// The drones of a provider, one line each: how it is, its charge, its home, and a menu.
 
-import {call, part, post} from "../api.js";
+import {useState} from "preact/hooks";
+
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {pathTo} from "../routes.js";
-import {inWords, percent, stationName} from "../words.js";
-import {attempt} from "./messages.js";
+import {StateText, stateName} from "../state_words.js";
+import {inWords, modelName, percent, stationName} from "../words.js";
+import {DroneMenu} from "./drone_menu.js";
+import {Icon} from "./icons.js";
 import {ShareBar} from "./share_bar.js";
-import {SureButton} from "./sure_button.js";
 
 const LOW_CHARGE = 0.2;
 
 const faultName = (fault) => inWords(typeof fault === "string" ? fault : fault.code);
 
-// What its flights have shown about a drone, against its model.
-const learnedText = ({planned, flights}) =>
-  `energy use ${percent(planned.still_air_factor)}, battery ${percent(planned.state_of_health)}, `
-  + `charging ${percent(planned.charge_rate_factor)} of the model's, learned from ${flights} flights`;
+const troubles = ({faults = [], maintenance}) =>
+  [...faults.map(faultName), maintenance?.due_since_at && "Due for maintenance, gets no missions"].filter(Boolean);
 
-function Commands({drone, onChange, onToken}) {
-  const {drone_id: droneId, provider_id: provider, state, learned, maintenance} = drone;
-  const path = `/v1/providers/${part(provider)}/drones/${part(droneId)}`;
-  const name = droneName(droneId, drone.name);
-  const put = async (wanted, done) => {
-    if (await attempt(() => call("PATCH", path, {state: wanted}), done)) onChange();
-  };
-  const token = () => attempt(async () => onToken(name, await post(`${path}/enrolment-tokens`)));
-  const forget = async () => {
-    const done = `${name} counts as its model says until it has flown again.`;
-    if (await attempt(() => call("DELETE", `${path}/learned-values`), done)) onChange();
-  };
-  const maintained = async () => {
-    const done = `The maintenance of ${name} is recorded; its counters begin again.`;
-    if (await attempt(() => post(`${path}/maintenance`), done)) onChange();
-  };
-  return html`
-    <div class="commands">
-      ${state === "MAINTENANCE"
-        ? html`<button class="small" aria-label=${`Put ${name} back in service`}
-            onClick=${() => put("AVAILABLE", `${name} is back in service.`)}>Back in service</button>`
-        : html`<button class="small" aria-label=${`Take ${name} into maintenance`}
-            onClick=${() => put("MAINTENANCE", `${name} is in maintenance and gets no missions.`)}>
-            Into maintenance</button>`}
-      <button class="small" aria-label=${`Another enrolment token for ${name}`} onClick=${token}>
-        Enrolment token</button>
-      ${learned && html`<${SureButton} verb="Forget" label=${`Forget what flights of ${name} have shown`}
-        onSure=${forget} />`}
-      ${maintenance?.due_since_at && html`<${SureButton} verb="Maintained" label=${`The maintenance of ${name} was done`}
-        onSure=${maintained} />`}
-    </div>`;
-}
+// What a drone does beside its state; "" where the state says it.
+const doesText = (state, activity) =>
+  (!activity || activity === "IDLE" || activity === state ? "" : `, ${stateName("droneActivity", activity).toLowerCase()}`);
 
-function DroneRow({drone, onChange, onToken}) {
-  const {drone_id: droneId, name, registration, model_id: model, home_station_id: home} = drone;
-  const {state, activity, soc, learned, maintenance, faults = []} = drone;
+function DroneRow({drone, onMenu}) {
+  const {drone_id: droneId, name, registration, model_id: model, home_station_id: home, state, activity, soc} = drone;
+  const shown = droneName(droneId, name);
+  const found = troubles(drone);
   return html`
     <tr data-drone=${droneId}>
-      <td><a href=${pathTo("map", "drone", droneId)}>${droneName(droneId, name)}</a>
-        <br /><small>${registration ?? ""}</small></td>
-      <td>${model}<br /><small>home ${stationName(home)}</small>
-        ${learned && html`<br /><small>${learnedText(learned)}</small>`}</td>
-      <td class="state">${inWords(state)}${activity && activity !== "IDLE" ? html`
-        <br /><small>${inWords(activity)}</small>` : ""}
-        ${maintenance?.due_since_at && html`<br /><small class="late">due for maintenance, gets no missions</small>`}</td>
-      <td>${percent(soc)}<${ShareBar} share=${soc} kind=${soc < LOW_CHARGE ? "low" : "charge"} /></td>
-      <td class=${faults.length ? "late" : ""}>${faults.length ? faults.map(faultName).join(", ") : "none"}</td>
-      <td><${Commands} drone=${drone} onChange=${onChange} onToken=${onToken} /></td>
+      <td class="title"><a href=${pathTo("map", "drone", droneId)}>${shown}</a>${registration && html` <small>${registration}</small>`}</td>
+      <td data-label="Model">${modelName(model)}</td>
+      <td class="state" data-label="State"><${StateText} kind="drone" of=${state} />${doesText(state, activity)}</td>
+      <td class="charge" data-label="Charge"><span>${percent(soc)}</span>
+        <${ShareBar} share=${soc} kind=${soc < LOW_CHARGE ? "low" : "charge"} /></td>
+      <td data-label="Home">${stationName(home)}</td>
+      <td class="troubles" data-label="Trouble">${found.map((each) => html`<span class="tag URGENT">${each}</span> `)}</td>
+      <td class="row-menu"><button class="quiet" aria-label=${`What to do with ${shown}`} aria-haspopup="dialog"
+        onClick=${() => onMenu(droneId)}><${Icon} name="dots" /></button></td>
     </tr>`;
 }
 
@@ -76,12 +47,21 @@ const upToDate = (drone) => ({...drone, ...picture.drones.value[drone.drone_id]}
 const nameOf = ({name, drone_id: id}) => droneName(id, name);
 const byName = (one, other) => nameOf(one).localeCompare(nameOf(other), [], {numeric: true});
 
-export const FleetTable = ({drones, onChange, onToken}) => html`
-  <div class="table"><table aria-label="Drones">
-    <thead><tr><th>Drone</th><th>Model</th><th>State</th><th>Charge</th><th>Faults</th><th>Commands</th></tr></thead>
-    <tbody>
-      ${[...drones].sort(byName).map((drone) => html`
-        <${DroneRow} key=${drone.drone_id} drone=${upToDate(drone)} onChange=${onChange} onToken=${onToken} />`)}
-      ${drones.length === 0 && html`<tr><td colspan="6">No drone is registered yet.</td></tr>`}
-    </tbody>
-  </table></div>`;
+export function FleetTable({drones, onChange, onToken}) {
+  const [opened, open] = useState(null);
+  const chosen = drones.find(({drone_id: id}) => id === opened);
+  if (drones.length === 0) {
+    return html`<p class="empty">No drone is registered yet. Register the first one below: its token lets it enrol.</p>`;
+  }
+  return html`
+    <div class="table feeds-drones"><table class="as-cards" aria-label="Drones">
+      <thead><tr><th>Drone</th><th>Model</th><th>State</th><th>Charge</th><th>Home</th><th>Trouble</th>
+        <th><span class="unseen">Menu</span></th></tr></thead>
+      <tbody>
+        ${[...drones].sort(byName).map((drone) => html`
+          <${DroneRow} key=${drone.drone_id} drone=${upToDate(drone)} onMenu=${open} />`)}
+      </tbody>
+    </table></div>
+    ${chosen && html`<${DroneMenu} key=${opened} drone=${upToDate(chosen)} onClose=${() => open(null)} onChange=${onChange}
+      onToken=${onToken} />`}`;
+}

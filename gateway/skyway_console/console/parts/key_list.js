@@ -20,12 +20,12 @@ function KeyRow({each, onDelete}) {
   const {key_id, role, subject_id, name, livemode, scopes, created_wall_at, expires_wall_at} = each;
   return html`
     <tr>
-      <td>${name && html`${name}<br />`}<small>${key_id}</small></td>
-      <td>${subject_id}<br /><small>${inWords(role)}</small></td>
-      <td>${livemode ? WORDS.keys.live : html`<span class="tag">${WORDS.keys.test}</span>`}</td>
-      <td>${scopes ? scopes.join(", ") : "all of its role"}</td>
-      <td>${dayText(created_wall_at)}</td>
-      <td>${expires_wall_at ? dayText(expires_wall_at) : "never"}</td>
+      <td class="title">${name && html`${name}<br />`}<small>${key_id}</small></td>
+      <td data-label="For">${subject_id}<br /><small>${inWords(role)}</small></td>
+      <td data-label=${WORDS.keys.mode}>${livemode ? WORDS.keys.live : html`<span class="tag">${WORDS.keys.test}</span>`}</td>
+      <td data-label="Allows">${scopes ? scopes.join(", ") : "all of its role"}</td>
+      <td data-label="Made">${dayText(created_wall_at)}</td>
+      <td data-label="Ends">${expires_wall_at ? dayText(expires_wall_at) : "never"}</td>
       <td>${(isOperator() || !livemode) && html`
         <${SureButton} verb="Delete" label=${`Delete key ${name ?? key_id}`} onSure=${onDelete} />`}</td>
     </tr>`;
@@ -48,7 +48,7 @@ export function KeyList() {
 
   return html`
     <h2>Keys</h2>
-    <div class="table"><table aria-label="Keys">
+    <div class="table"><table class="as-cards" aria-label="Keys">
       <thead><tr><th>Name</th><th>For</th><th>${WORDS.keys.mode}</th><th>Allows</th><th>Made</th><th>Ends</th>
         <th><span class="unseen">Delete</span></th></tr></thead>
       <tbody>${keys.map((each) => html`

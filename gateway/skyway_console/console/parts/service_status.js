@@ -1,9 +1,8 @@
 // Whether a network accepts deliveries now: what restricts it, before a customer asks for offers.
 
-import {useEffect, useState} from "preact/hooks";
-
-import {get, part} from "../api.js";
+import {part} from "../api.js";
 import {html} from "../html.js";
+import {usePolledPath} from "../polled.js";
 import {distanceText} from "../words.js";
 
 // Milliseconds of wall time between two questions.
@@ -16,28 +15,10 @@ const TITLES = {
   DEGRADED: "The service is restricted:",
 };
 
-// The network's status; null while it is not known.
-function useStatus(networkId) {
-  const [status, setStatus] = useState(null);
-  useEffect(() => {
-    let isShown = true;
-    const show = (answer) => isShown && setStatus(answer);
-    const ask = () =>
-      get(`/v1/networks/${part(networkId)}/status`).then(show, () => show(null));
-    ask();
-    const timer = setInterval(ask, ASK_EVERY_MS);
-    return () => {
-      isShown = false;
-      clearInterval(timer);
-    };
-  }, [networkId]);
-  return status;
-}
-
 const untilText = ({until}) => (until ? ` (ends ${distanceText(until)})` : "");
 
 export function ServiceStatus({networkId}) {
-  const status = useStatus(networkId);
+  const {answer: status} = usePolledPath(`/v1/networks/${part(networkId)}/status`, ASK_EVERY_MS);
   if (status === null || status.status === "OPEN") return null;
   const {restrictions, more_restrictions: further} = status;
   const hidden = Math.max(0, restrictions.length - SHOWN) + further;

@@ -23,10 +23,10 @@ function Webhook({webhook, isOpen, onOpen, onChange, onSecret}) {
   const then = async (action, done) => (await attempt(action, done)) && onChange();
   return html`
     <tr>
-      <td>${url}<br /><small>${webhook_id}</small></td>
-      <td>${types ? types.join(", ") : "all"}</td>
-      <td>${inWords(state)}${reason && html`<br /><small>${reason}</small>`}</td>
-      <td><div class="commands">
+      <td class="title">${url}<br /><small>${webhook_id}</small></td>
+      <td data-label="Events">${types ? types.join(", ") : "all"}</td>
+      <td data-label="State">${inWords(state)}${reason && html`<br /><small>${reason}</small>`}</td>
+      <td class="wide-cell"><div class="commands">
         <button class="small" aria-expanded=${isOpen} onClick=${onOpen}>Attempts</button>
         <button class="small" onClick=${() => attempt(() => test(path))}>Test</button>
         ${state === "DISABLED" && html`<button class="small"
@@ -56,14 +56,14 @@ export function WebhookList() {
 
   return html`
     <h2>Webhooks</h2>
-    <div class="table"><table aria-label="Webhooks">
+    <div class="table"><table class="as-cards" aria-label="Webhooks">
       <thead><tr><th>URL</th><th>Events</th><th>State</th><th>Commands</th></tr></thead>
       <tbody>
         ${webhooks.map((each) => html`
           <${Webhook} key=${each.webhook_id} webhook=${each} isOpen=${open === each.webhook_id}
             onOpen=${() => setOpen(open === each.webhook_id ? null : each.webhook_id)}
             onChange=${read} onSecret=${setIssued} />`)}
-        ${webhooks.length === 0 && html`<tr><td colspan="4">No webhook.</td></tr>`}
+        ${webhooks.length === 0 && html`<tr><td colspan="4">No webhook. Add one below: your shop hears of each delivery by itself then.</td></tr>`}
       </tbody>
     </table></div>
     ${issued && html`<${SecretBox} title="The signing secret" secrets=${[["Secret", issued.secret]]}

@@ -4,14 +4,13 @@ import {useEffect, useState} from "preact/hooks";
 
 import {get, part, post} from "../api.js";
 import {closureTimes, hasBegun} from "../closed.js";
-import {ticks} from "../fleet_clock.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
-import {openAlarms, picture} from "../live.js";
+import {alarmSound, openAlarms, picture} from "../live.js";
 import {pathTo} from "../routes.js";
 import {isOperator} from "../session.js";
-import {distanceText, inWords, momentText, shortId, stationName} from "../words.js";
-import {alarmSound} from "../parts/alarm_sound.js";
+import {StateText} from "../state_words.js";
+import {distanceText, inWords, momentText, shortId, stationName, zonedText} from "../words.js";
 import {STOP_MOMENTS, askToClose, askToOpen, closureName} from "../parts/closures.js";
 import {attempt} from "../parts/messages.js";
 
@@ -33,12 +32,12 @@ function Alarm({alarm}) {
   const {alarm_id, level, code, detail, at} = alarm;
   return html`
     <tr data-alarm=${alarm_id}>
-      <td><span class="tag ${level}">${inWords(level)}</span></td>
-      <td><strong>${inWords(code)}</strong><br />${detail}</td>
-      <td>${about(alarm)}</td>
-      <td title=${momentText(at)}>${distanceText(at)}</td>
+      <td data-label="Level"><span class="tag ${level}"><${StateText} kind="alarmLevel" of=${level} /></span></td>
+      <td class="title"><strong>${inWords(code)}</strong><br />${detail}</td>
+      <td data-label="About">${about(alarm)}</td>
+      <td data-label="When" title=${zonedText(at)}>${distanceText(at)}</td>
       ${isOperator() && html`
-        <td><form class="row" onSubmit=${(event) => acknowledge(event, alarm_id)}>
+        <td class="wide-cell"><form class="row" onSubmit=${(event) => acknowledge(event, alarm_id)}>
           <input name="note" maxlength="1000" placeholder="note" aria-label="Note for others" />
           <button>Acknowledge</button>
         </form></td>`}
@@ -85,7 +84,7 @@ function Acknowledged() {
   return html`
     <h2>Acknowledged</h2>
     <ul class="timeline">
-      ${items.length === 0 && html`<li>None yet.</li>`}
+      ${items.length === 0 && html`<li>None yet. Alarms that an operator has seen stand here.</li>`}
       ${items.map(({alarm_id, code, detail, acknowledged_by, acknowledged_at, note}) => html`
         <li key=${alarm_id}>
           <time>${momentText(acknowledged_at)}</time><strong>${inWords(code)}</strong> ${detail}
@@ -95,18 +94,18 @@ function Acknowledged() {
 }
 
 export function AlarmsView() {
-  ticks.value; // read so that "3 min ago" is right each second
   return html`
     <div class="page">
       <h1>Alarms</h1>
-      <label><input type="checkbox" checked=${alarmSound.value}
-        onChange=${({target}) => (alarmSound.value = target.checked)} /> Sound at new alarms</label>
-      <div class="table"><table aria-label="Open alarms">
+      <label class="check"><input type="checkbox" checked=${alarmSound.value}
+        onChange=${({target}) => (alarmSound.value = target.checked)} /> Sound at new alarms, also when this tab is hidden</label>
+      <div class="table feeds-missions"><table class="as-cards" aria-label="Open alarms">
         <thead><tr><th>Level</th><th>What</th><th>About</th><th>When</th>
           ${isOperator() && html`<th>Acknowledge</th>`}</tr></thead>
         <tbody>
           ${openAlarms.value.map((alarm) => html`<${Alarm} key=${alarm.alarm_id} alarm=${alarm} />`)}
-          ${openAlarms.value.length === 0 && html`<tr><td colspan="5">No open alarm.</td></tr>`}
+          ${openAlarms.value.length === 0 && html`<tr><td colspan="5">No open alarm. An alarm comes here as soon
+            as a drone or a delivery needs somebody.</td></tr>`}
         </tbody>
       </table></div>
       <div class="columns">

@@ -45,7 +45,7 @@ function Service({service, before, elapsedS}) {
   if (!service.is_answering) {
     return html`
       <article class="card"><h2>${inWords(service.service)}</h2>
-        <p class="refused">It does not answer.</p></article>`;
+        <p class="refused">It does not answer. Look at its process and its log.</p></article>`;
   }
   const rate = (name) => rateBetween(before?.figures, figures, name, elapsedS);
   const cpu = rate("process_cpu_seconds_total");
@@ -69,13 +69,14 @@ function Service({service, before, elapsedS}) {
 
 const Queues = ({services}) => html`
   <h2>Queues</h2>
-  <div class="table"><table aria-label="Queues">
+  <div class="table"><table class="as-cards" aria-label="Queues">
     <thead><tr><th>Service</th><th>What waits</th><th>How much</th><th>For how long</th></tr></thead>
     <tbody>
       ${queues(services).map(({service, name, depth, ageS}) => html`
         <tr key=${`${service} ${name}`}>
-          <td>${inWords(service)}</td><td>${name}</td><td class="number">${depth}</td>
-          <td class="number">${ageS === null ? "" : durationText(ageS)}</td>
+          <td data-label="Service">${inWords(service)}</td><td data-label="What waits">${name}</td>
+          <td class="number" data-label="How much">${depth}</td>
+          <td class="number" data-label="For how long">${ageS === null ? "" : durationText(ageS)}</td>
         </tr>`)}
     </tbody>
   </table></div>`;
@@ -87,16 +88,16 @@ function LastErrors({services}) {
   return html`
     <h2>Last errors and warnings</h2>
     ${found.length === 0 ? html`<p>None since the start.</p>` : html`
-      <div class="table"><table aria-label="Last errors and warnings">
+      <div class="table"><table class="as-cards" aria-label="Last errors and warnings">
         <thead><tr><th>When</th><th>Service</th><th>What</th><th>How often</th></tr></thead>
         <tbody>
           ${found.map(({service, wall_at: at, level, event, reason, times, trace_id: trace}) => html`
             <tr key=${`${service} ${event}`}>
-              <td>${dayText(at)}</td><td>${inWords(service)}</td>
-              <td><span class="tag ${level}">${inWords(level)}</span> ${event}
+              <td data-label="When">${dayText(at)}</td><td data-label="Service">${inWords(service)}</td>
+              <td class="wide-cell"><span class="tag ${level}">${inWords(level)}</span> ${event}
                 ${reason && html`<br /><small>${reason}</small>`}
                 ${trace && html`<br /><small>trace ${trace}</small>`}</td>
-              <td class="number">${times}</td>
+              <td class="number" data-label="How often">${times}</td>
             </tr>`)}
         </tbody>
       </table></div>`}`;
@@ -106,12 +107,13 @@ function Failures({services}) {
   const found = failures(services);
   return found.length > 0 && html`
     <h2>Counted failures</h2>
-    <div class="table"><table aria-label="Counted failures">
+    <div class="table"><table class="as-cards" aria-label="Counted failures">
       <thead><tr><th>Service</th><th>What</th><th>How often</th></tr></thead>
       <tbody>
         ${found.map(({service, name, count}) => html`
           <tr key=${`${service} ${name}`}>
-            <td>${inWords(service)}</td><td>${name}</td><td class="number">${count}</td>
+            <td data-label="Service">${inWords(service)}</td><td data-label="What">${name}</td>
+            <td class="number" data-label="How often">${count}</td>
           </tr>`)}
       </tbody>
     </table></div>`;

@@ -54,16 +54,16 @@ const deliveryOf = (id) => (session.value.role === "provider"
 
 const Lines = ({of: {items, next_cursor: more}}) => html`
   <h2>${TEXTS.lines}</h2>
-  <div class="table"><table aria-label=${TEXTS.lines}>
+  <div class="table"><table class="as-cards" aria-label=${TEXTS.lines}>
     <thead><tr><th>Written</th><th>Delivery</th><th>Mission</th><th>Kind</th><th>Amount</th><th>Why</th></tr></thead>
     <tbody>${items.map((line) => html`
       <tr key=${line.mission_id + line.number}>
-        <td>${momentText(line.at)}</td>
-        <td>${deliveryOf(line.delivery_id)}</td>
-        <td>${shortId(line.mission_id)}</td>
-        <td>${inWords(line.kind)}</td>
-        <td class="number">${money(line)}</td>
-        <td>${line.note ?? ""}</td>
+        <td class="title">${momentText(line.at)}</td>
+        <td data-label="Delivery">${deliveryOf(line.delivery_id)}</td>
+        <td data-label="Mission">${shortId(line.mission_id)}</td>
+        <td data-label="Kind">${inWords(line.kind)}</td>
+        <td class="number" data-label="Amount">${money(line)}</td>
+        <td data-label="Why">${line.note}</td>
       </tr>`)}</tbody>
   </table></div>
   ${more && html`<p>${TEXTS.more}</p>`}`;
