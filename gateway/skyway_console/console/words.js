@@ -65,3 +65,7 @@ export const inWords = (name) => {
   const words = String(name).toLowerCase().replaceAll("_", " ");
   return words.charAt(0).toUpperCase() + words.slice(1);
 };
+
+// The zone in which times are written, such as "GMT+1".
+export const zoneName = () => new Intl.DateTimeFormat([], {timeZoneName: "short"}).formatToParts(new Date())
+  .find(({type}) => type === "timeZoneName").value;
