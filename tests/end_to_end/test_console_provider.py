@@ -100,9 +100,11 @@ def test_a_provider_takes_a_drone_into_maintenance_and_back(
     state = page.locator(f"[data-drone={drone['drone_id']}] .state")
 
     page.get_by_role("button", name="into maintenance").click()
+    console.agree(after="gets no missions until")
     expect(state).to_have_text("Maintenance")
     assert [each["state"] for each in drones_of(system, provider)] == ["MAINTENANCE"]
     page.get_by_role("button", name="back in service").click()
+    console.agree(after="gets missions again")
     expect(state).to_have_text("Available")
     system.until_available(provider["provider_id"], drones=1)
 

@@ -20,7 +20,7 @@ const positionOf = (stationId) => picture.stations.value[stationId]?.position;
 
 const placed = (places) => places.filter(({position}) => position);
 
-// Where the drone of a mission would land next.
+// Where the drone of a mission would land next; a drone that stands stays where it is.
 export function previewLanding(droneId, stationId) {
   const [drone, landing] = [picture.drones.value[droneId]?.position, positionOf(stationId)];
   preview.value = {

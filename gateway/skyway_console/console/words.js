@@ -6,6 +6,12 @@ import {stationNames} from "./networks.js";
 export const clockTime = (moment) =>
   new Date(moment).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit", hourCycle: "h23"});
 
+// The zone of all times, such as "CET": it is that of the browser, and changes with summer time.
+export function zoneName(moment = fleetNow()) {
+  const parts = new Intl.DateTimeFormat([], {timeZoneName: "short"}).formatToParts(new Date(moment));
+  return parts.find(({type}) => type === "timeZoneName").value;
+}
+
 const DAY_MS = 86_400_000;
 
 // A time of today, or a day and a time.
@@ -65,7 +71,3 @@ export const inWords = (name) => {
   const words = String(name).toLowerCase().replaceAll("_", " ");
   return words.charAt(0).toUpperCase() + words.slice(1);
 };
-
-// The zone in which times are written, such as "GMT+1".
-export const zoneName = () => new Intl.DateTimeFormat([], {timeZoneName: "short"}).formatToParts(new Date())
-  .find(({type}) => type === "timeZoneName").value;

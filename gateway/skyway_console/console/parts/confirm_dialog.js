@@ -11,8 +11,8 @@ import {attempt, say} from "./messages.js";
 const MOMENTS = {from_at: "From, fleet time (optional)", until: "Until, fleet time (optional)"};
 
 // {title, meaning, verb, preview, action, done, undo, reason, moments}: `meaning` is a sentence of what
-// the command does, `preview` answers markup that shows its consequences, `reason` is "required", "optional"
-// or "none", `moments` are the names of moments that people may choose. Preview and action get these
+// the command does, `preview` answers markup that shows its consequences, `reason` is "required", "optional",
+// "note" or "none", `moments` are the names of moments that people may choose. Preview and action get these
 // moments, and the action gets the reason too. `undo` has an `action`, which gets the answer of the
 // command, and `done`, which says what is undone.
 const asked = signal(null);
@@ -50,8 +50,12 @@ const Moments = ({names, moments, onChange}) => names.length > 0 && html`
         })} /></label>`)}
   </div>`;
 
+const REASONS = {
+  required: "Reason, for the record", optional: "Reason, for the record (optional)", note: "Note for others (optional)",
+};
+
 const Reason = ({kind}) => kind !== "none" && html`
-  <label for="reason">Reason, for the record${kind === "optional" && " (optional)"}</label>
+  <label for="reason">${REASONS[kind]}</label>
   <input id="reason" name="reason" required=${kind === "required"} maxlength="500" />`;
 
 // Says what was done, and offers to undo it where that can be undone.

@@ -1,14 +1,14 @@
 // The drones of a provider: how each is, taking it out of service and back, another token.
 
-import {call, part, post} from "../api.js";
+import {part, post} from "../api.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {pathTo} from "../routes.js";
 import {inWords, percent, stationName} from "../words.js";
+import {droneQuestions} from "./drone_questions.js";
 import {attempt} from "./messages.js";
 import {ShareBar} from "./share_bar.js";
-import {SureButton} from "./sure_button.js";
 
 const LOW_CHARGE = 0.2;
 
@@ -23,32 +23,22 @@ function Commands({drone, onChange, onToken}) {
   const {drone_id: droneId, provider_id: provider, state, learned, maintenance} = drone;
   const path = `/v1/providers/${part(provider)}/drones/${part(droneId)}`;
   const name = droneName(droneId, drone.name);
-  const put = async (wanted, done) => {
-    if (await attempt(() => call("PATCH", path, {state: wanted}), done)) onChange();
-  };
+  const questions = droneQuestions(path, name, onChange);
   const token = () => attempt(async () => onToken(name, await post(`${path}/enrolment-tokens`)));
-  const forget = async () => {
-    const done = `${name} counts as its model says until it has flown again.`;
-    if (await attempt(() => call("DELETE", `${path}/learned-values`), done)) onChange();
-  };
-  const maintained = async () => {
-    const done = `The maintenance of ${name} is recorded; its counters begin again.`;
-    if (await attempt(() => post(`${path}/maintenance`), done)) onChange();
-  };
   return html`
     <div class="commands">
       ${state === "MAINTENANCE"
         ? html`<button class="small" aria-label=${`Put ${name} back in service`}
-            onClick=${() => put("AVAILABLE", `${name} is back in service.`)}>Back in service</button>`
+            onClick=${questions.putBack}>Back in service</button>`
         : html`<button class="small" aria-label=${`Take ${name} into maintenance`}
-            onClick=${() => put("MAINTENANCE", `${name} is in maintenance and gets no missions.`)}>
+            onClick=${questions.maintain}>
             Into maintenance</button>`}
       <button class="small" aria-label=${`Another enrolment token for ${name}`} onClick=${token}>
         Enrolment token</button>
-      ${learned && html`<${SureButton} verb="Forget" label=${`Forget what flights of ${name} have shown`}
-        onSure=${forget} />`}
-      ${maintenance?.due_since_at && html`<${SureButton} verb="Maintained" label=${`The maintenance of ${name} was done`}
-        onSure=${maintained} />`}
+      ${learned && html`<button class="small" aria-label=${`Forget what flights of ${name} have shown`}
+        onClick=${questions.forget}>Forget</button>`}
+      ${maintenance?.due_since_at && html`<button class="small" aria-label=${`The maintenance of ${name} was done`}
+        onClick=${questions.wasMaintained}>Maintained</button>`}
     </div>`;
 }
 

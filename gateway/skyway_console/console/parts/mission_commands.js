@@ -42,7 +42,7 @@ function ask(command, missionId, droneId) {
     meaning,
     preview: async () => {
       const {outlook} = await post(`${path}?dry_run=true`, {...order, reason: "dry run"});
-      if (outlook.next_landing) previewLanding(droneId, outlook.next_landing.station_id);
+      previewLanding(droneId, outlook.next_landing?.station_id);
       return html`<${Outlook} outlook=${outlook} />`;
     },
     action: (reason) => post(path, {...order, reason}),

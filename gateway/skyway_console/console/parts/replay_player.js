@@ -4,7 +4,6 @@ import {html} from "../html.js";
 import {clockTime, zoneName} from "../words.js";
 
 export const SPEEDS = [1, 10, 60, 300];
-const LINE = {width: 1_000, height: 24};
 const STEP_MS = 10_000;
 // A jump back from less than this after an event goes to the event before it.
 const JUST_MS = 1_000;
@@ -23,11 +22,10 @@ const SHAPES = {
 export const exactTime = (ms) => new Date(ms).toLocaleTimeString([], {hourCycle: "h23"});
 
 const Marks = ({events, span}) => html`
-  <svg class="marks" viewBox="0 0 ${LINE.width} ${LINE.height}" preserveAspectRatio="none" aria-hidden="true">
-    ${events.map(({id, kind, atMs}) => {
-      const x = ((atMs - span.from) / (span.until - span.from)) * LINE.width;
-      return html`<path key=${id} class=${kind} d=${SHAPES[kind]} transform="translate(${x} 0)" />`;
-    })}
+  <svg class="marks" aria-hidden="true">
+    ${events.map(({id, kind, atMs}) => html`
+      <svg key=${id} class="mark" x="${(100 * (atMs - span.from)) / (span.until - span.from)}%">
+        <path class=${kind} d=${SHAPES[kind]} /></svg>`)}
   </svg>`;
 
 export function eventBefore(events, atMs) {
@@ -67,9 +65,9 @@ export function ReplayPlayer({span, onSpan, atMs, onAt, speed, onSpeed, isPlayin
   return html`
     <div class="player">
       <div class="row">
-        ${jump("Event before", "⏮", earlier)}
+        ${jump("Event before", "‹ Event", earlier)}
         <button class="main" onClick=${() => onPlay(!isPlaying)}>${isPlaying ? "Pause" : "Play"}</button>
-        ${jump("Next event", "⏭", later)}
+        ${jump("Next event", "Event ›", later)}
       </div>
       <label>Speed <select value=${speed} onChange=${({target}) => onSpeed(Number(target.value))}>
         ${SPEEDS.map((each) => html`<option value=${each}>×${each}</option>`)}

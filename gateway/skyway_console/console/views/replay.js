@@ -147,7 +147,7 @@ export function ReplayView({parts: [fromText, chosen]}) {
       <div class="map-view">
         <div class="map" ref=${container} role="application" aria-label="Map of a past hour"></div>
         <p class="legend chosen">${droneId
-          ? html`<strong>Drone ${droneName(droneId)}</strong>, with its plan of that time.${" "}
+          ? html`<span><strong>Drone ${droneName(droneId)}</strong>, with its plan of that time.</span>
             <button class="small" onClick=${() => setDrone(null)}>All drones</button>`
           : "Click a drone to see its plan and its landings. Space plays, ← and → step, P and N jump to events."}</p>
         <${Happenings} events=${events} atMs=${atMs} onAt=${setAt} />
