@@ -4,16 +4,16 @@ import {Marker} from "maplibre-gl";
 
 import {inWords, stationName} from "../words.js";
 import {colours} from "./colours.js";
-import {collectionNear, drawAround, near} from "./longitudes.js";
+import {drawAround, near} from "./longitudes.js";
+import {overlay} from "./overlay.js";
 
-const SOURCE = "way";
 const PADDING = {top: 56, bottom: 36, left: 72, right: 72};
 const FARTHEST_ZOOM = 13;
 
 function layers() {
   const paint = colours();
   const line = (kind, of) => ({
-    id: `way-${kind}`, type: "line", source: SOURCE, paint: of, filter: ["==", ["get", "kind"], kind],
+    id: `way-${kind}`, type: "line", paint: of, filter: ["==", ["get", "kind"], kind],
     layout: {"line-cap": "round", "line-join": "round"},
   });
   return [
@@ -41,14 +41,28 @@ function stopMarker({geometry, properties}) {
   return new Marker({element, anchor: "bottom", offset: [0, 7]}).setLngLat(near(geometry.coordinates));
 }
 
+const touch = (one, other) => one.left < other.right && other.left < one.right && one.top < other.bottom
+  && other.top < one.bottom;
+
+// A name that would cover another one is left out; the mark of its stop stays.
+function uncover(markers) {
+  const names = markers.map((each) => each.getElement().firstChild);
+  names.forEach((name) => name.classList.remove("covered"));
+  const shown = [];
+  for (const name of names) {
+    const box = name.getBoundingClientRect();
+    if (shown.some((other) => touch(box, other))) name.classList.add("covered");
+    else if (box.width) shown.push(box);
+  }
+}
+
 export class WayLayer {
   constructor({map}) {
     this.map = map;
-    this.lines = {type: "FeatureCollection", features: []};
+    this.draw = overlay(map, "way", layers);
     this.markers = [];
     this.bounds = "";
-    // A change of the theme begins with an empty style.
-    map.on("style.load", () => this.put());
+    map.on("moveend", () => uncover(this.markers));
   }
 
   // `track` is the track of a delivery, as the API has it.
@@ -56,22 +70,12 @@ export class WayLayer {
     const first = features.find(({geometry}) => geometry.type === "Point");
     if (!first) return;
     drawAround(first.geometry.coordinates[0]);
-    const lines = features.filter(({geometry}) => geometry.type === "LineString");
-    this.lines = collectionNear({type: "FeatureCollection", features: lines});
-    this.put();
+    this.draw(features.filter(({geometry}) => geometry.type === "LineString"));
     this.markers.forEach((each) => each.remove());
     this.markers = features.filter(({properties}) => properties.kind === "STATION").map(stopMarker);
     this.markers.forEach((each) => each.addTo(this.map));
     this.fit(features);
-  }
-
-  put() {
-    if (!this.map.getSource(SOURCE)) {
-      if (!this.map.isStyleLoaded()) return;
-      this.map.addSource(SOURCE, {type: "geojson", data: this.lines});
-      layers().forEach((layer) => this.map.addLayer(layer));
-    }
-    this.map.getSource(SOURCE).setData(this.lines);
+    uncover(this.markers);
   }
 
   // The whole way is in the picture. It moves only when the way becomes another one.

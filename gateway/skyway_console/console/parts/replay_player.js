@@ -72,8 +72,8 @@ export function ReplayPlayer({span, onSpan, atMs, onAt, speed, onSpeed, isPlayin
       <label>Speed <select value=${speed} onChange=${({target}) => onSpeed(Number(target.value))}>
         ${SPEEDS.map((each) => html`<option value=${each}>×${each}</option>`)}
       </select></label>
-      <label>From <input type="datetime-local" value=${localText(span.from)} onChange=${choose} /></label>
       <output><strong>${exactTime(atMs)}</strong> ${zoneName()}</output>
+      <label>From <input type="datetime-local" value=${localText(span.from)} onChange=${choose} /></label>
       <span class="hint" role="status">${text}</span>
       <div class="head-line">
         <${Marks} events=${events} span=${span} />
