@@ -35,6 +35,13 @@ class ConsolePage(WatchedPage):
         """A panel beside the map."""
         return self.page.get_by_role("region", name=name)
 
+    def drone_name(self, drone_id: str) -> str:
+        """What the console calls a drone that is in the live picture."""
+        name: str = self.page.evaluate(
+            "async (id) => (await import('/console/drone_names.js')).droneName(id)", drone_id
+        )
+        return name
+
     def replay_from(self, moment: str) -> None:
         """Choose the hour of the replay that begins with the minute of this moment."""
         minute = self.page.evaluate(

@@ -249,7 +249,7 @@ def test_a_drone_is_diverted_after_the_dry_runs_of_other_commands(
     panel, question = console.panel("Drone"), console.page.get_by_role("dialog")
     for command, meaning in (
         ("Cancel", "The mission ends"),
-        ("Return home", "The drone brings its packages back"),
+        ("Call home", "The drone brings its packages back"),
     ):
         panel.get_by_role("button", name=command).click()
         expect(question).to_contain_text(meaning)
@@ -259,7 +259,7 @@ def test_a_drone_is_diverted_after_the_dry_runs_of_other_commands(
     panel.get_by_role("button", name="Divert").click()
     console.confirm("smoke ahead", after="waits at Commanded T3")
     expect(panel).to_contain_text("held")
-    panel.get_by_role("button", name="Return home").click()
+    panel.get_by_role("button", name="Call home").click()
     expect(question).to_contain_text("resume it first")
     expect(question.locator("button.danger")).to_be_disabled()
     question.get_by_role("button", name="Do nothing").click()
@@ -287,8 +287,11 @@ def test_an_alarm_that_one_acknowledges_leaves_every_console(
     for row in rows:
         expect(row).to_contain_text("Battery cold")
     alarm = rows[0].get_attribute("data-alarm")
-    rows[0].get_by_label("Note").fill(MARKUP)
     rows[0].get_by_role("button", name="Acknowledge").click()
+    question = console.page.get_by_role("dialog")
+    expect(question).to_contain_text("leaves the open alarms of everybody")
+    question.get_by_label("Note").fill(MARKUP)
+    question.get_by_role("button", name="Acknowledge").click()
 
     for each in (console, other):
         expect(each.page.locator(f"tr[data-alarm='{alarm}']")).to_have_count(0)
@@ -321,6 +324,12 @@ def test_a_delivery_is_found_and_followed_to_its_proof(console: ConsolePage, sys
     expect(page.locator("main")).to_contain_text("handed over at Proof S2")
     expect(page.locator("main")).to_contain_text(MARKUP)
     expect(page.locator("main img, main b")).to_have_count(0)
+    steps = page.get_by_label("Planned and real")
+    expect(steps.get_by_role("listitem").filter(has_text="Deliver at Proof S2")).to_contain_text(
+        re.compile("on time|late|early")
+    )
+    page.get_by_role("link", name="Replay this flight").click()
+    expect(page.locator(".legend.chosen")).to_contain_text("with its plan of that time")
 
 
 def test_the_calendar_shows_missions_and_pads_and_moves_by_keys(
@@ -330,8 +339,9 @@ def test_the_calendar_shows_missions_and_pads_and_moves_by_keys(
     in_the_air(system, "booked")
     page = console.show("schedule").page
     calendar = page.get_by_label("Calendar")
-    row = calendar.locator(".row", has_text=drone[-6:])
-    expect(row.locator("rect").first).to_be_attached()
+    row = calendar.locator(".row", has_text=console.drone_name(drone))
+    expect(row.locator("rect.ACTIVE")).to_be_attached()
+    expect(row.get_by_role("link", name="p1 → Booked S5")).to_be_attached()
     first_hour = calendar.locator("svg text").first.text_content()
     calendar.focus()
     calendar.press("ArrowRight")

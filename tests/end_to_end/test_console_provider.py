@@ -103,10 +103,12 @@ def test_a_provider_takes_a_drone_into_maintenance_and_back(
     menu = page.get_by_role("button", name="What to do with")
     menu.click()
     page.get_by_role("button", name="into maintenance").click()
+    console.agree(after="gets no missions until")
     expect(state).to_have_text("Maintenance")
     assert [each["state"] for each in drones_of(system, provider)] == ["MAINTENANCE"]
     menu.click()
     page.get_by_role("button", name="back in service").click()
+    console.agree(after="gets missions again")
     expect(state).to_have_text("Available")
     system.until_available(provider["provider_id"], drones=1)
 

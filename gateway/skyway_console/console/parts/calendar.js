@@ -1,15 +1,16 @@
-// Draws rows of bars against time; dragging and keys change the span.
+// Draws rows of bars against time; dragging, keys and buttons change the span. What the pointer or the
+// keyboard is on says more about itself.
 
 import {useEffect, useRef, useState} from "preact/hooks";
 
 import {fleetNow, ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
-import {pathTo} from "../routes.js";
 import {clockTime, momentText} from "../words.js";
+import {CalendarRow, ROW_PX} from "./calendar_row.js";
 
-const ROW_PX = 24;
-const HEAD_PX = 22;
-const NAMES_PX = 190;
+const HEAD_PX = 26;
+const NAMES_PX = 170;
+const TIP_PX = {width: 270, height: 132};
 const LEAST_SPAN_MS = 600_000;
 const MOST_SPAN_MS = 7 * 86_400_000;
 const MINUTE_MS = 60_000;
@@ -24,11 +25,15 @@ function gridMoments({from, to}, width) {
   return Array.from({length: Math.max(0, Math.ceil((to - first) / step))}, (_, n) => first + n * step);
 }
 
-function zoomed({from, to}, factor, about) {
+// A span that is shorter or longer, around its middle.
+export function zoomed({from, to}, factor) {
+  const about = (from + to) / 2;
   const length = Math.min(MOST_SPAN_MS, Math.max(LEAST_SPAN_MS, (to - from) * factor));
-  const share = (about - from) / (to - from);
-  return {from: about - share * length, to: about + (1 - share) * length};
+  return {from: about - length / 2, to: about + length / 2};
 }
+
+// A span that lies earlier or later by a part of its length.
+export const moved = ({from, to}, share) => ({from: from + share * (to - from), to: to + share * (to - from)});
 
 function useWidth(element) {
   const [width, setWidth] = useState(900);
@@ -52,10 +57,10 @@ function useDrag(span, onSpan, chartWidth) {
   const settled = (clientX) => {
     if (settle.current === null) return;
     clearTimeout(settle.current.timer);
-    const {moved} = settle.current;
+    const {shift: settledShift} = settle.current;
     settle.current = null;
     begin.current = clientX;
-    onSpan({from: span.from + moved, to: span.to + moved});
+    onSpan({from: span.from + settledShift, to: span.to + settledShift});
   };
   return {
     shown: {from: span.from + shift, to: span.to + shift},
@@ -63,10 +68,10 @@ function useDrag(span, onSpan, chartWidth) {
       onPointerDown: ({clientX}) => (begin.current = clientX),
       onPointerMove: ({clientX, buttons}) => {
         if (begin.current === null || buttons === 0) return;
-        const moved = ((begin.current - clientX) * (span.to - span.from)) / chartWidth;
-        setDrag({span, shift: moved});
+        const dragged = ((begin.current - clientX) * (span.to - span.from)) / chartWidth;
+        setDrag({span, shift: dragged});
         clearTimeout(settle.current?.timer);
-        settle.current = {moved, timer: setTimeout(() => settled(clientX), DRAG_SETTLES_MS)};
+        settle.current = {shift: dragged, timer: setTimeout(() => settled(clientX), DRAG_SETTLES_MS)};
       },
       onPointerUp: ({clientX}) => {
         settled(clientX);
@@ -79,18 +84,20 @@ function useDrag(span, onSpan, chartWidth) {
 export function Calendar({rows, span, onSpan}) {
   ticks.value; // read so that the line of the present moves
   const element = useRef(null);
+  const [tip, setTip] = useState(null);
   const width = useWidth(element);
   const chartWidth = Math.max(100, width - NAMES_PX);
   const {shown, handlers} = useDrag(span, onSpan, chartWidth);
   const xOf = (ms) => NAMES_PX + ((ms - shown.from) / (shown.to - shown.from)) * chartWidth;
-  const height = HEAD_PX + rows.length * ROW_PX + 6;
-  const middle = (span.from + span.to) / 2;
+  const area = {left: NAMES_PX, right: width, xOf};
+  const height = HEAD_PX + Math.max(rows.length * ROW_PX, TIP_PX.height) + 6;
+  const now = xOf(fleetNow());
   const onKeyDown = ({key}) => {
-    const step = (span.to - span.from) / 4;
-    if (key === "+") onSpan(zoomed(span, 0.5, middle));
-    if (key === "-") onSpan(zoomed(span, 2, middle));
-    if (key === "ArrowLeft") onSpan({from: span.from - step, to: span.to - step});
-    if (key === "ArrowRight") onSpan({from: span.from + step, to: span.to + step});
+    if (key === "+") onSpan(zoomed(span, 0.5));
+    if (key === "-") onSpan(zoomed(span, 2));
+    if (key === "ArrowLeft") onSpan(moved(span, -0.25));
+    if (key === "ArrowRight") onSpan(moved(span, 0.25));
+    if (key === "Escape") setTip(null);
   };
   return html`
     <div class="gantt" ref=${element} tabindex="0" role="group" aria-label="Calendar"
@@ -98,8 +105,10 @@ export function Calendar({rows, span, onSpan}) {
       <svg viewBox="0 0 ${width} ${height}" height=${height} ...${handlers}>
         <${Grid} shown=${shown} xOf=${xOf} height=${height} chartWidth=${chartWidth} />
         ${rows.map((row, number) => html`
-          <${Row} key=${row.id} row=${row} y=${HEAD_PX + number * ROW_PX} xOf=${xOf} width=${width} />`)}
-        <line class="now" x1=${xOf(fleetNow())} x2=${xOf(fleetNow())} y1="0" y2=${height} />
+          <${CalendarRow} key=${row.id} row=${row} y=${HEAD_PX + number * ROW_PX} area=${area} onShow=${setTip} />`)}
+        <line class="now" x1=${now} x2=${now} y1="0" y2=${height} />
+        ${now > NAMES_PX && html`<text class="now-text" x=${now + 4} y=${height - 6}>now</text>`}
+        ${tip && html`<${Tip} ...${tip} width=${width} height=${height} />`}
       </svg>
     </div>`;
 }
@@ -107,22 +116,23 @@ export function Calendar({rows, span, onSpan}) {
 const Grid = ({shown, xOf, height, chartWidth}) => gridMoments(shown, chartWidth).map((moment) => html`
   <g key=${moment}>
     <line class="grid" x1=${xOf(moment)} x2=${xOf(moment)} y1="0" y2=${height} />
-    <text x=${xOf(moment) + 3} y="14">${clockTime(moment)}</text>
+    <text class="soft" x=${xOf(moment) + 4} y="17">${clockTime(moment)}</text>
   </g>`);
 
-function Row({row, y, xOf, width}) {
+// Below its bar, or above where there is no room.
+function Tip({bar, x, y, width, height}) {
+  const {name, way, state, start, end, promises} = bar;
+  const below = y + 32;
+  const top = below + TIP_PX.height > height ? Math.max(0, y - TIP_PX.height - 2) : below;
   return html`
-    <g class="row">
-      ${row.bars.map(({start, end, kind, text, href}, number) => {
-        const [left, right] = [Math.max(NAMES_PX, xOf(start)), Math.min(width, xOf(end))];
-        if (right <= left) return null;
-        const bar = html`
-          <rect key=${number} class=${kind} x=${left} y=${y + 3} width=${Math.max(1.5, right - left)}
-            height=${ROW_PX - 6} rx="3">
-            <title>${text}: ${momentText(start)} to ${momentText(end)}</title>
-          </rect>`;
-        return href ? html`<a href=${pathTo(...href)}>${bar}</a>` : bar;
-      })}
-      <a href=${pathTo(...row.href)}><text x="6" y=${y + 16}>${row.name}</text></a>
-    </g>`;
+    <foreignObject class="tip-place" x=${Math.max(0, Math.min(x, width - TIP_PX.width - 4))} y=${top} ...${TIP_PX}>
+      <div class="tip" role="tooltip">
+        <strong>${name}</strong>
+        <p>${way}</p>
+        <p>${momentText(start)} to ${momentText(end)}. ${state}.</p>
+        ${promises.map(({packageId, at, isMissed}) => html`
+          <p class=${isMissed ? "late" : ""}>${packageId} promised by ${momentText(at)}${isMissed ? ", comes too late" : ""}</p>`)}
+        ${bar.href && html`<small>Enter or click opens it.</small>`}
+      </div>
+    </foreignObject>`;
 }

@@ -7,7 +7,8 @@ import {get, part} from "../api.js";
 import {fleetNow} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {colours} from "../map/colours.js";
-import {marginText} from "../words.js";
+import {clockTime, marginText, zoneName} from "../words.js";
+import {plannedCharge} from "./planned_charge.js";
 
 const BEFORE_S = 3_600;
 const AGAIN_MS = 5_000;
@@ -15,13 +16,8 @@ const SIZE = {width: 300, height: 150};
 
 const seconds = (moment) => Date.parse(moment) / 1_000;
 
-// Moments and charges of a plan: where each step ends, and where the first begins.
-function planned({start_at: startAt, plan}) {
-  const start = seconds(startAt);
-  const points = plan.steps.flatMap(({start_s, end_s, soc_start, soc_end}) => [
-    ...(soc_start === undefined || soc_start === null ? [] : [[start + start_s, soc_start]]),
-    ...(soc_end === undefined || soc_end === null ? [] : [[start + end_s, soc_end]]),
-  ]);
+function planned(mission) {
+  const points = plannedCharge(mission);
   return [points.map(([at]) => at), points.map(([, soc]) => soc)];
 }
 
@@ -46,7 +42,7 @@ function chartOptions() {
     cursor: {show: false},
     legend: {show: false},
     scales: {y: {range: [0, 1]}},
-    axes: [{...axis, space: 70}, {...axis, size: 40, values: (_, all) => all.map((y) => `${y * 100}%`)}],
+    axes: [{...axis, space: 56, values: (_, all) => all.map((at) => clockTime(at * 1_000))}, {...axis, size: 40, values: (_, all) => all.map((y) => `${Math.round(y * 100)} %`)}],
     series: [
       {},
       {label: "Measured", stroke: paint.drone, width: 2, spanGaps: true},
@@ -85,7 +81,8 @@ export function ChargeChart({droneId, providerId, missionId}) {
   return html`
     <figure class="chart" aria-label="Charge over time">
       <div ref=${element}></div>
-      <figcaption>Charge: <span class="measured">measured</span>, <span class="plan">plan</span></figcaption>
+      <figcaption>Charge: <span class="measured">measured</span>, <span class="plan">plan</span>. Times are ${
+        zoneName()}. Plan times are when a step ends.</figcaption>
       ${margin && html`<p class="hint">The plan has ${margin}.</p>`}
       ${problem && html`<p class="refused">${problem}</p>`}
     </figure>`;

@@ -1,7 +1,9 @@
 // Closures: what one would change, shown before it is made; and opening again.
 
 import {call, part, post} from "../api.js";
+import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
+import {previewClosure} from "../preview.js";
 import {distanceText, shortId, stationName} from "../words.js";
 import {confirm} from "./confirm_dialog.js";
 import {delayText} from "./outlook.js";
@@ -11,13 +13,15 @@ const SHOWN = 20;
 
 const delayed = ({delay}) => (delay ? `: ${delayText(delay)}` : "");
 
+const flownBy = ({mission_id: id, drone_id: drone}) => (drone ? droneName(drone) : `mission ${shortId(id)}`);
+
 export function affectedText({affected_missions: missions}) {
   if (missions.length === 0) return html`<p>No mission needs another plan.</p>`;
   return html`
     <p>${missions.length === 1 ? "1 mission needs" : `${missions.length} missions need`} another plan:</p>
     <ul>
       ${missions.slice(0, SHOWN).map((mission) => html`
-        <li>mission ${shortId(mission.mission_id)}, ${distanceText(mission.at)}${delayed(mission)}</li>`)}
+        <li>${flownBy(mission)}, ${distanceText(mission.at)}${delayed(mission)}</li>`)}
       ${missions.length > SHOWN && html`<li>and ${missions.length - SHOWN} more</li>`}
     </ul>`;
 }
@@ -29,16 +33,37 @@ const CLOSURE_MOMENTS = ["from_at", "until"];
 // A ground stop begins immediately.
 export const STOP_MOMENTS = ["until"];
 
+// What a closure does, by the end of the path that makes it.
+const CLOSINGS = {
+  closures: "New plans do not use it. Missions that planned to use it get another plan.",
+  outages: "Nobody gets this pad. Missions that have booked it get another pad or another plan.",
+  zones: "Drones may not fly through the area. Missions that planned to do so get another plan.",
+  "ground-stops": "Drones do not take off. Drones in the air fly on to their next landing.",
+};
+
+// A closure of the API, with its stations as the live picture names them.
+const asShown = ({from_id: from, to_id: to, ...closure}) => ({
+  ...closure, station_id: from ?? closure.station_id, to_station_id: to});
+
+const lift = async (closure) => call("DELETE", closurePath(closure.closure_id, asShown(closure)));
+
 // Asks before something is closed: `path` makes the closure, `order` is what is sent.
 export function askToClose(title, path, order = {}, moments = CLOSURE_MOMENTS) {
+  const kind = path.split("/").at(-1);
+  const isStop = kind === "ground-stops";
   confirm({
     title,
-    verb: "Close it",
+    verb: isStop ? "Stop take-offs" : "Close it",
+    meaning: CLOSINGS[kind],
     moments,
-    preview: async (chosen) =>
-      affectedText(await post(`${path}?dry_run=true`, {...order, ...chosen, ...DRY_RUN})),
+    preview: async (chosen) => {
+      const outlook = await post(`${path}?dry_run=true`, {...order, ...chosen, ...DRY_RUN});
+      previewClosure(outlook);
+      return affectedText(outlook);
+    },
     action: (reason, chosen) => post(path, {...order, ...chosen, reason}),
-    done: "The closure is made. Missions that need it get another plan.",
+    done: isStop ? "Take-offs are stopped." : "The closure is made. Missions that need it get another plan.",
+    undo: {action: lift, done: isStop ? "The ground stop has ended." : "It is open again."},
   });
 }
 
@@ -75,7 +100,7 @@ export function askToOpen(closureId, closure) {
     title: isStop ? "End the ground stop" : `Open again: ${name}`,
     verb: isStop ? "End it" : "Open it",
     reason: "none",
-    preview: async () => html`<p>${isStop ? STARTED : OPENED}</p>`,
+    meaning: isStop ? STARTED : OPENED,
     action: () => call("DELETE", closurePath(closureId, closure)),
     done: isStop ? "The ground stop has ended." : `${name} is open again.`,
   });

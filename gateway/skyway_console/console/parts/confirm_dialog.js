@@ -5,13 +5,16 @@ import {signal} from "@preact/signals";
 import {useEffect, useRef, useState} from "preact/hooks";
 
 import {html} from "../html.js";
-import {attempt} from "./messages.js";
+import {forgetPreview, isPreviewed} from "../preview.js";
+import {attempt, say} from "./messages.js";
 
 const MOMENTS = {from_at: "From, fleet time (optional)", until: "Until, fleet time (optional)"};
 
-// {title, verb, preview, action, done, reason, moments}: `preview` answers markup that shows the
-// consequences, `reason` is "required", "optional" or "none", `moments` are the names of moments that
-// people may choose. Preview and action get these moments, and the action gets the reason too.
+// {title, meaning, verb, preview, action, done, undo, reason, moments}: `meaning` is a sentence of what
+// the command does, `preview` answers markup that shows its consequences, `reason` is "required", "optional",
+// "note" or "none", `moments` are the names of moments that people may choose. Preview and action get these
+// moments, and the action gets the reason too. `undo` has an `action`, which gets the answer of the
+// command, and `done`, which says what is undone.
 const asked = signal(null);
 
 export const confirm = (question) => (asked.value = question);
@@ -27,6 +30,7 @@ function useConsequences(preview, moments) {
   const [isRefused, setRefused] = useState(false);
   useEffect(() => {
     let isOld = false;
+    forgetPreview();
     const show = (shown, refused) => isOld || (setConsequences(shown), setRefused(refused));
     show(null, false);
     preview(moments).then(
@@ -46,29 +50,49 @@ const Moments = ({names, moments, onChange}) => names.length > 0 && html`
         })} /></label>`)}
   </div>`;
 
+const REASONS = {
+  required: "Reason, for the record", optional: "Reason, for the record (optional)", note: "Note for others (optional)",
+};
+
 const Reason = ({kind}) => kind !== "none" && html`
-  <label for="reason">Reason, for the record${kind === "optional" && " (optional)"}</label>
+  <label for="reason">${REASONS[kind]}</label>
   <input id="reason" name="reason" required=${kind === "required"} maxlength="500" />`;
 
-function Dialog({title, preview, action, verb, done, reason = "required", moments: names = []}) {
+// Says what was done, and offers to undo it where that can be undone.
+async function perform(action, done, undo) {
+  let answer;
+  const isDone = await attempt(async () => (answer = await action()));
+  const again = undo && (() => attempt(() => undo.action(answer), undo.done));
+  if (isDone) say(done, "done", again);
+  return isDone;
+}
+
+const nothingElse = async () => "";
+
+function Dialog({title, meaning, preview = nothingElse, action, verb, done, undo, reason = "required", moments: names = []}) {
   const element = useRef(null);
   const [moments, setMoments] = useState({});
   const [isBusy, setBusy] = useState(false);
   const {consequences, isRefused} = useConsequences(preview, moments);
-  useEffect(() => element.current.showModal(), []);
+  useEffect(() => {
+    element.current.showModal();
+    return forgetPreview;
+  }, []);
 
   async function act(event) {
     event.preventDefault();
     setBusy(true);
     const given = new FormData(event.target).get("reason")?.trim();
-    if (await attempt(() => action(given, moments), done)) asked.value = null;
+    if (await perform(() => action(given, moments), done, undo)) asked.value = null;
     setBusy(false);
   }
 
   return html`
-    <dialog ref=${element} aria-labelledby="question" onClose=${() => (asked.value = null)}>
+    <dialog ref=${element} class=${isPreviewed() ? "beside" : ""} aria-labelledby="question"
+      onClose=${() => (asked.value = null)}>
       <form onSubmit=${act}>
         <h2 id="question">${title}</h2>
+        ${meaning && html`<p class="meaning">${meaning}</p>`}
         <${Moments} names=${names} moments=${moments} onChange=${setMoments} />
         <div class="consequences" aria-live="polite">
           ${consequences ?? html`<p>Asking what it would change…</p>`}

@@ -5,6 +5,7 @@ import {useEffect, useState} from "preact/hooks";
 import {get} from "../api.js";
 import {html} from "../html.js";
 import {momentText} from "../words.js";
+import {Fold} from "./fold.js";
 
 const read = (path) => get(`/v1/audit?limit=50&path=${encodeURIComponent(path)}`);
 
@@ -27,7 +28,7 @@ export function DeliveryAudit({path, missions, changed}) {
       pages.flatMap(({items}) => items).sort((one, other) => one.at.localeCompare(other.at))), () => null);
   }, [paths.join(" "), changed]);
   return html`
-    <h2>Who ordered what</h2>
+    <${Fold} title="Who ordered what">
     ${entries.length === 0 && html`<p>Operators and providers have ordered nothing.</p>`}
     <ul class="timeline" aria-label="Who ordered what">
       ${entries.map(({entry_id, at, role, subject_id, method, path: called, status, body}) => html`
@@ -35,5 +36,5 @@ export function DeliveryAudit({path, missions, changed}) {
           <time>${momentText(at)}</time><strong>${subject_id}</strong> (${role}) ${method} ${called},
           ${" "}answered with ${status}${reasonOf(body) ? `: ${reasonOf(body)}` : ""}
         </li>`)}
-    </ul>`;
+    </ul></${Fold}>`;
 }

@@ -47,7 +47,8 @@ function followEvents(url, take) {
   };
 }
 
-export function DeliveryEvents({path, onProofAwaited}) {
+// The events so far; `onProofAwaited` is called when a drone waits for a proof.
+export function useDeliveryEvents(path, onProofAwaited) {
   const [events, setEvents] = useState([]);
   useEffect(() => {
     setEvents([]);
@@ -56,18 +57,19 @@ export function DeliveryEvents({path, onProofAwaited}) {
       if (event.type === "delivery.proof_awaited") onProofAwaited();
     });
   }, [path]);
-  return html`
-    <ol class="timeline" aria-label="What happened">
-      ${events.map((event) => html`<${Event} key=${event.event_id} event=${event} />`)}
-    </ol>`;
+  return events;
 }
 
-// What a new plan changes for the packages: how much later than `promised_at`, the plan of the booking, each one comes.
+export const DeliveryEvents = ({events}) => html`
+  <ol class="timeline" aria-label="What happened">
+    ${events.map((event) => html`<${Event} key=${event.event_id} event=${event} />`)}
+  </ol>`;
+
+// How much later or earlier than booked each package comes by a new plan; a second is nothing.
 const delays = (packages = []) => packages
   .filter(({later_s}) => typeof later_s === "number")
-  .map(({package_id, later_s}) => later_s > 0
-    ? `${package_id} ${durationText(later_s)} later than planned`
-    : `${package_id} as planned`)
+  .map(({package_id, later_s}) => (Math.abs(later_s) < 1 ? `${package_id} as planned`
+    : `${package_id} ${durationText(later_s)} ${later_s > 0 ? "later" : "earlier"} than planned`))
   .join(", ");
 
 // "package.delivered" is "Package delivered".

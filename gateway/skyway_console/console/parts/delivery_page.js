@@ -1,26 +1,27 @@
-// One delivery: packages with promise and ETA, the reasons, what happened, the proof, the plan.
+// The story of one delivery: its way on the map, what is next, planned against real with the reasons, packages,
+// price, proof, and what happened.
 
 import {useEffect, useState} from "preact/hooks";
 
 import {get, post} from "../api.js";
-import {droneName} from "../drone_names.js";
+import {ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
-import {guestsOf, picture} from "../live.js";
+import {picture} from "../live.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
-import {inWords, money, momentText, shortId, stationName} from "../words.js";
+import {distanceText, inWords, momentText, shortId, stationName} from "../words.js";
 import {confirm} from "./confirm_dialog.js";
 import {DeliveryAudit} from "./delivery_audit.js";
-import {DeliveryEvents} from "./delivery_events.js";
+import {DeliveryEvents, useDeliveryEvents} from "./delivery_events.js";
+import {DeliveryPackages, againstPromise, isLate} from "./delivery_packages.js";
+import {DeliveryPrice} from "./delivery_price.js";
+import {DeliveryTimeline} from "./delivery_timeline.js";
+import {DeliveryWay} from "./delivery_way.js";
+import {DeliveryWebhooks} from "./delivery_webhooks.js";
 import {Facts} from "./facts.js";
+import {Fold} from "./fold.js";
 import {HandOverProofs} from "./hand_over_proofs.js";
-import {StepList} from "./step_list.js";
 import {TrackingBox} from "./tracking_box.js";
-
-const LATE_MS = 60_000;
-
-export const isLate = ({due_at: promised, eta_at: eta, delivered_at: delivered}) =>
-  promised && (delivered ?? eta) && Date.parse(delivered ?? eta) - Date.parse(promised) > LATE_MS;
 
 function useDelivery(path, deliveryId) {
   const [delivery, setDelivery] = useState(null);
@@ -37,60 +38,24 @@ function useDelivery(path, deliveryId) {
   return {delivery, proof, problem, read};
 }
 
-function Packages({packages}) {
-  return html`
-    <div class="table"><table aria-label="Packages">
-      <thead><tr><th>Package</th><th>To</th><th>State</th><th>Promised</th><th>Expected</th><th>Why</th></tr></thead>
-      <tbody>
-        ${packages.map((each) => html`
-          <tr key=${each.package_id} class=${isLate(each) ? "late" : ""}>
-            <td>${each.package_id}</td>
-            <td>${each.destination?.station_id ? stationName(each.destination.station_id) : ""}</td>
-            <td>${inWords(each.state)}</td>
-            <td>${each.due_at ? momentText(each.due_at) : ""}</td>
-            <td class="eta">${each.delivered_at
-              ? `handed over ${momentText(each.delivered_at)}`
-              : each.eta_at ? momentText(each.eta_at) : ""}</td>
-            <td>${each.code ? inWords(each.code) : ""} ${each.detail ?? ""}</td>
-          </tr>`)}
-      </tbody>
-    </table></div>`;
-}
-
-function Missions({missions}) {
-  return missions.map(({mission_id, drone_id}) => {
-    const live = picture.missions.value[mission_id];
-    return html`
-      <section key=${mission_id}>
-        <h3>Mission ${shortId(mission_id)}${drone_id && html` of
-          ${" "}<a href=${pathTo("map", "drone", drone_id)}>drone ${droneName(drone_id)}</a>`}</h3>
-        ${live?.flown_as && html`<p>It is a guest of mission ${shortId(live.flown_as)}.</p>`}
-        ${guestsOf(mission_id).length > 0 && html`<p>Guests: ${guestsOf(mission_id).map((each) => html`
-          ${" "}<a href=${pathTo("deliveries", each.delivery_id)}>delivery ${shortId(each.delivery_id)}</a>`)}</p>`}
-        ${live ? html`<${StepList} mission=${live} />` : html`<p>It is over.</p>`}
-      </section>`;
-  });
-}
-
 // Packages that are not handed over have no moment in the proof.
 function Proof({proof}) {
   const proven = (proof?.packages ?? []).filter(({at}) => at);
   return proven.length > 0 && html`
-    <h2>Proof</h2>
-    <ul class="timeline" aria-label="Proof">
+    <${Fold} title="Proof"><ul class="timeline" aria-label="Proof">
       ${proven.map(({package_id, station_id, at, mass_kg: massKg}) => html`
         <li key=${package_id}><time>${momentText(at)}</time>${package_id} handed over
           ${station_id ? ` at ${stationName(station_id)}` : ""}${
           massKg === null || massKg === undefined ? "" : `, ${Number(massKg.toFixed(3))} kg`}</li>`)}
-    </ul>`;
+    </ul></${Fold}>`;
 }
 
 const askToCancel = (path, deliveryId) => confirm({
   title: `Cancel delivery ${shortId(deliveryId)}`,
   verb: "Cancel the delivery",
   reason: "optional",
-  preview: async () => html`<p>Packages that wait are not picked up. Packages on board are brought back
-    to the pickup. What was handed over stays there.</p>`,
+  meaning: "Packages that wait are not picked up. Packages on board are brought back to the pickup. "
+    + "What was handed over stays there.",
   action: (reason) => post(`${path}/cancel`, reason ? {reason} : {}),
   done: "The delivery is being cancelled.",
 });
@@ -112,41 +77,91 @@ function sharedText({qos}, missions, state) {
   return OVER.includes(state) ? "no" : "possible until the drone is loaded";
 }
 
+const whyText = (code, detail) => code && `${inWords(code)}${detail ? `: ${detail}` : ""}`;
+
+// "from McQueeney to Geronimo, Marion".
+function wayText({pickup}, packages) {
+  const names = packages.map(({destination}) => destination?.station_id).filter(Boolean).map(stationName);
+  return `${pickup?.station_id ? `from ${stationName(pickup.station_id)} ` : ""}to ${[...new Set(names)].join(", ")}`;
+}
+
+// What matters now, in a sentence: the next hand-over, or how it has ended.
+function headline({state, code, detail}, packages) {
+  if (OVER.includes(state)) {
+    const last = packages.filter(({delivered_at: at}) => at)
+      .sort((one, other) => one.delivered_at.localeCompare(other.delivered_at)).at(-1);
+    if (!last) return whyText(code, detail);
+    return `The last package was handed over at ${momentText(last.delivered_at)}${
+      last.due_at ? `, ${againstPromise(last)}` : ""}.`;
+  }
+  const next = packages.filter(({delivered_at: at, eta_at: eta}) => !at && eta)
+    .sort((one, other) => one.eta_at.localeCompare(other.eta_at))[0];
+  if (!next) return "There is no plan yet.";
+  return `Next: ${next.package_id} at ${stationName(next.destination.station_id)} at ${momentText(next.eta_at)}, ${
+    distanceText(next.eta_at)}, ${againstPromise(next) || "without a promise"}.`;
+}
+
+function Head({deliveryId, delivery, packages, onCancel}) {
+  ticks.value; // read so that "in 5 min" is right each second
+  const {state, activity, reference, customer_id: customer} = delivery;
+  const isLateNow = packages.some(isLate);
+  return html`
+    <p><a href=${pathTo("deliveries")}>All deliveries</a></p>
+    <header class="story-head">
+      <h1>${reference || `Delivery ${shortId(deliveryId)}`}</h1>
+      <p><span class="tag ${isLateNow ? "WARNING" : OVER.includes(state) ? "" : "MOVING"}">${inWords(state)}${
+        activity ? `, ${inWords(activity).toLowerCase()}` : ""}</span>
+        ${" "}for ${customer}, ${wayText(delivery, packages)}, requested ${momentText(delivery.created_at)}</p>
+      <p class="headline">${headline(delivery, packages)}</p>
+      ${!OVER.includes(state) && html`<button onClick=${onCancel}>Cancel the delivery</button>`}
+    </header>`;
+}
+
+const factsOf = (deliveryId, delivery, missions) => [
+  ["Id", deliveryId],
+  ["Reference", delivery.reference],
+  ["Customer", delivery.customer_id],
+  ["Why", whyText(delivery.code, delivery.detail)],
+  ["Pickup", pickupText(delivery.pickup, delivery.request)],
+  ["Wanted", delivery.request.qos?.objective && inWords(delivery.request.qos.objective)],
+  ["Shared trip", sharedText(delivery.request, missions, delivery.state)],
+  ["Provider", delivery.provider_id],
+];
+
+const NO_MISSIONS = [];
+
 export function DeliveryPage({deliveryId, path: part}) {
   const path = `/v1/deliveries/${part}`;
-  const {delivery, proof, problem, read} = useDelivery(path, deliveryId);
-  if (!delivery) return html`<div class="page"><p class="refused">${problem}</p></div>`;
+  const {delivery: read, proof, problem, read: readAgain} = useDelivery(path, deliveryId);
+  const events = useDeliveryEvents(path, readAgain);
+  if (!read) return html`<div class="page"><p class="refused">${problem}</p></div>`;
   const live = picture.deliveries.value[deliveryId];
-  const {state, activity, code, detail, request, pickup, price, provider_id: provider} = {...delivery, ...live};
-  const missions = delivery.missions ?? [];
-  const packages = delivery.packages.map((each) => ({...each, ...live?.packages?.[each.package_id]}));
+  const packages = read.packages.map((each) => ({...each, ...live?.packages?.[each.package_id]}));
+  const delivery = {...read, ...live, packages};
+  const missions = read.missions ?? NO_MISSIONS;
+  const isOver = OVER.includes(delivery.state);
   return html`
-    <div class="page">
-      <p><a href=${pathTo("deliveries")}>All deliveries</a></p>
-      <h1>Delivery ${shortId(deliveryId)}</h1>
-      <${Facts} of=${[
-        ["Id", deliveryId],
-        ["Reference", delivery.reference],
-        ["Customer", delivery.customer_id],
-        ["State", `${inWords(state)}${activity ? `, ${inWords(activity).toLowerCase()}` : ""}`],
-        ["Why", code && `${inWords(code)}${detail ? `: ${detail}` : ""}`],
-        ["Pickup", pickupText(pickup, request)],
-        ["Wanted", request.qos?.objective && inWords(request.qos.objective)],
-        ["Price", price && money(price)],
-        ["Shared trip", sharedText(request, missions, state)],
-        ["Provider", provider],
-        ["Requested", momentText(delivery.created_at)],
-      ]} />
-      ${!OVER.includes(state) && html`<button onClick=${() => askToCancel(path, deliveryId)}>Cancel the delivery</button>`}
-      <h2>Packages</h2>
-      <${Packages} packages=${packages} />
-      <${HandOverProofs} packages=${packages} path=${path} onGiven=${read} />
-      <div class="columns">
-        <section><h2>What happened</h2><${DeliveryEvents} path=${path} onProofAwaited=${read} /><${Proof} proof=${proof} /></section>
-        <section><h2>Plan</h2><${Missions} missions=${missions} />
+    <div class="page story">
+      <${Head} deliveryId=${deliveryId} delivery=${delivery} packages=${packages}
+        onCancel=${() => askToCancel(path, deliveryId)} />
+      <div class="story-columns">
+        <div>
+          <${DeliveryWay} path=${path} isOver=${isOver} />
+          <${Fold} title="Packages" isFirst><${DeliveryPackages} packages=${packages} recipient=${read.recipient} /></${Fold}>
+          <${HandOverProofs} packages=${packages} path=${path} onGiven=${readAgain} />
+          <${Proof} proof=${proof} />
+          <${Fold} title="Price"><${DeliveryPrice} deliveryId=${deliveryId} price=${delivery.price}
+            changed=${delivery.state} /></${Fold}>
+          <${Fold} title="About it"><${Facts} of=${factsOf(deliveryId, delivery, missions)} /></${Fold}>
+        </div>
+        <div>
+          <${Fold} title="Planned and real" isFirst><${DeliveryTimeline} missions=${missions} events=${events} /></${Fold}>
           ${session.value.role === "customer" && html`<${TrackingBox} path=${path} />`}
+          <${Fold} title="What happened"><${DeliveryEvents} events=${events} /></${Fold}>
+          <${Fold} title="Webhooks" isOpen=${false}><${DeliveryWebhooks} events=${events} /></${Fold}>
           ${isOperator() && html`<${DeliveryAudit} path=${path} missions=${missions}
-            changed=${`${state} ${activity}`} />`}</section>
+            changed=${`${delivery.state} ${delivery.activity}`} />`}
+        </div>
       </div>
     </div>`;
 }

@@ -1,17 +1,21 @@
-// Short messages at the edge of the page: what was done, and what was refused.
+// Short messages at the edge of the page: what was done and how to undo it, and what was refused.
 
 import {signal} from "@preact/signals";
 
 import {html} from "../html.js";
 
 const SHOWN_MS = 8_000;
+const UNDO_MS = 15_000;
 const shown = signal([]);
 let last = 0;
 
-export function say(text, kind = "done") {
-  const message = {id: (last += 1), text, kind};
-  shown.value = [...shown.value, message];
-  setTimeout(() => (shown.value = shown.value.filter(({id}) => id !== message.id)), SHOWN_MS);
+const forget = (gone) => (shown.value = shown.value.filter(({id}) => id !== gone));
+
+// `undo` is called when somebody thinks again.
+export function say(text, kind = "done", undo = null) {
+  const id = (last += 1);
+  shown.value = [...shown.value, {id, text, kind, undo}];
+  setTimeout(() => forget(id), undo ? UNDO_MS : SHOWN_MS);
 }
 
 // Runs an action, and shows why it failed if it does; whether it succeeded.
@@ -26,7 +30,16 @@ export async function attempt(action, done) {
   return true;
 }
 
+function Undo({id, undo}) {
+  const act = () => {
+    forget(id);
+    undo();
+  };
+  return html` <button class="undo" onClick=${act}>Undo</button>`;
+}
+
 export const Messages = () => html`
   <div class="messages" role="status" aria-live="polite">
-    ${shown.value.map(({id, text, kind}) => html`<p key=${id} class=${kind}>${text}</p>`)}
+    ${shown.value.map(({id, text, kind, undo}) => html`
+      <p key=${id} class=${kind}>${text}${undo && html`<${Undo} id=${id} undo=${undo} />`}</p>`)}
   </div>`;

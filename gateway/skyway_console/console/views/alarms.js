@@ -12,14 +12,16 @@ import {isOperator} from "../session.js";
 import {StateText} from "../state_words.js";
 import {distanceText, inWords, momentText, shortId, stationName, zonedText} from "../words.js";
 import {STOP_MOMENTS, askToClose, askToOpen, closureName} from "../parts/closures.js";
-import {attempt} from "../parts/messages.js";
+import {confirm} from "../parts/confirm_dialog.js";
 
-function acknowledge(event, alarmId) {
-  event.preventDefault();
-  const note = new FormData(event.target).get("note").trim();
-  const path = `/v1/alarms/${part(alarmId)}/acknowledgements`;
-  attempt(() => post(path, note ? {note} : {}), "The alarm is acknowledged.");
-}
+const askToAcknowledge = (alarmId, {code}) => confirm({
+  title: `Acknowledge: ${inWords(code)}`,
+  verb: "Acknowledge",
+  meaning: "The alarm leaves the open alarms of everybody, with your name and note. Its cause stays as it is.",
+  reason: "note",
+  action: (note) => post(`/v1/alarms/${part(alarmId)}/acknowledgements`, note ? {note} : {}),
+  done: "The alarm is acknowledged.",
+});
 
 function about({drone_id: drone, mission_id: mission, station_id: station}) {
   return html`
@@ -37,10 +39,7 @@ function Alarm({alarm}) {
       <td data-label="About">${about(alarm)}</td>
       <td data-label="When" title=${zonedText(at)}>${distanceText(at)}</td>
       ${isOperator() && html`
-        <td class="wide-cell"><form class="row" onSubmit=${(event) => acknowledge(event, alarm_id)}>
-          <input name="note" maxlength="1000" placeholder="note" aria-label="Note for others" />
-          <button>Acknowledge</button>
-        </form></td>`}
+        <td><button onClick=${() => askToAcknowledge(alarm_id, alarm)}>Acknowledge</button></td>`}
     </tr>`;
 }
 

@@ -7,7 +7,8 @@ import {html} from "../html.js";
 import {picture} from "../live.js";
 import {openView, pathTo} from "../routes.js";
 import {inWords, momentText, shortId, stationName} from "../words.js";
-import {DeliveryPage, isLate} from "../parts/delivery_page.js";
+import {againstPromise, isLate} from "../parts/delivery_packages.js";
+import {DeliveryPage} from "../parts/delivery_page.js";
 
 const STATES = ["SCHEDULED", "REQUESTED", "PLANNED", "DISPATCHED", "LOADING", "IN_PROGRESS", "COMPLETED",
   "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"];
@@ -71,22 +72,29 @@ function upToDate(delivery) {
   return {...delivery, state: live.state, activity: live.activity, packages};
 }
 
-const latest = (packages, name) =>
-  packages.map((each) => each[name]).filter(Boolean).sort().at(-1);
+// The package that comes last says how the delivery stands.
+const lastOf = (packages) => [...packages].sort((one, other) =>
+  (one.delivered_at ?? one.eta_at ?? "").localeCompare(other.delivered_at ?? other.eta_at ?? "")).at(-1);
+
+const recipientOf = ({recipient, packages}) => recipient?.name ?? packages.find((each) => each.recipient)?.recipient.name;
 
 function Row({delivery}) {
-  const {delivery_id, reference, customer_id, state, activity, pickup, packages} = upToDate(delivery);
-  const [promised, eta] = [latest(packages, "due_at"), latest(packages, "eta_at")];
+  const shown = upToDate(delivery);
+  const {delivery_id: id, reference, customer_id: customer, state, activity, pickup, packages} = shown;
+  const last = lastOf(packages);
+  const expected = last?.delivered_at ?? last?.eta_at;
+  const places = [...new Set(packages.map(({destination}) => placeName(destination ?? {})))];
   return html`
     <tr class=${packages.some(isLate) ? "late" : ""}>
-      <td><a href=${pathTo("deliveries", delivery_id)}>${shortId(delivery_id)}</a></td>
-      <td>${reference}</td>
-      <td>${customer_id}</td>
-      <td>${inWords(state)}${activity ? `, ${inWords(activity).toLowerCase()}` : ""}</td>
-      <td>${placeName(pickup)}</td>
-      <td>${packages.length}</td>
-      <td>${promised ? momentText(promised) : ""}</td>
-      <td class="eta">${eta ? momentText(eta) : ""}</td>
+      <th scope="row"><a href=${pathTo("deliveries", id)}>${reference || recipientOf(shown) || `Delivery ${shortId(id)}`}</a>
+        ${(reference || recipientOf(shown)) && html`<br /><small>${shortId(id)}</small>`}</th>
+      <td data-label="Customer">${customer}</td>
+      <td data-label="State"><span class="state-dot ${state}"></span>${inWords(state)}${activity ? `, ${inWords(activity).toLowerCase()}` : ""}</td>
+      <td data-label="Way">${placeName(pickup)} → ${places.join(", ")}</td>
+      <td data-label="Packages">${packages.length}</td>
+      <td data-label="Promised">${last?.due_at ? momentText(last.due_at) : ""}</td>
+      <td data-label="Expected" class="eta">${expected ? momentText(expected) : ""}
+        ${last && html`<br /><small>${againstPromise(last)}</small>`}</td>
     </tr>`;
 }
 
@@ -120,12 +128,12 @@ function DeliveryList() {
         <form class="row" onSubmit=${open}><label>Id<input name="delivery" placeholder="dlv_…" /></label></form>
       </div>
       ${problem && html`<p class="refused">${problem}</p>`}
-      <div class="table"><table aria-label="Deliveries">
-        <thead><tr><th>Id</th><th>Reference</th><th>Customer</th><th>State</th><th>Pickup</th>
+      <div class="table"><table class="as-cards" aria-label="Deliveries">
+        <thead><tr><th>Delivery</th><th>Customer</th><th>State</th><th>Way</th>
           <th>Packages</th><th>Promised</th><th>Expected</th></tr></thead>
         <tbody>
           ${rows.map((delivery) => html`<${Row} key=${delivery.delivery_id} delivery=${delivery} />`)}
-          ${rows.length === 0 && html`<tr><td colspan="8">No delivery.</td></tr>`}
+          ${rows.length === 0 && html`<tr><td colspan="7">No delivery. Requests stand here as soon as somebody makes one.</td></tr>`}
         </tbody>
       </table></div>
       ${text && page.hasMore && html`<p class="hint">${rows.length} of the ${page.items.length} newest

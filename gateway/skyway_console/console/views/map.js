@@ -7,6 +7,7 @@ import {closedThen} from "../closed.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {FleetMap} from "../map/fleet_map.js";
+import {showPreviews} from "../map/preview_layer.js";
 import {listNetworks, networkContent, shownNetwork} from "../networks.js";
 import {openView} from "../routes.js";
 import {DronePanel} from "../parts/drone_panel.js";
@@ -35,6 +36,7 @@ function useFleetMap(container, opened, station) {
       effect(() => made.drones.show(picture.drones.value, picture.missions.value)),
       effect(() => made.showStations(picture.stations.value, closedThen.value)),
       effect(() => made.showDraft(draftRing.value ?? [])),
+      showPreviews(made),
     ];
     // Stories in tests count the frames that were drawn.
     container.current.fleetMap = made;

@@ -1,29 +1,24 @@
-// A past hour again, at 1 to 600 times its speed: where the drones were, what was closed, the alarms
-// of that time, and the plan of the drone that is clicked.
+// A past hour again, at 1 to 300 times its speed: where the drones were, what was closed, the alarms
+// of that time, and the plan of the drone that is chosen. An address may name the beginning and the drone.
 
 import {useEffect, useRef, useState} from "preact/hooks";
 
 import {all} from "../api.js";
+import {droneName} from "../drone_names.js";
 import {fleetNow} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {FleetMap} from "../map/fleet_map.js";
+import {isNarrow} from "../narrow.js";
 import {listNetworks, networkContent, shownNetwork} from "../networks.js";
-import {inWords, momentText} from "../words.js";
-import {closureName} from "../parts/closures.js";
 import {dronesAt, readRecord} from "../parts/flight_record.js";
 import {attempt} from "../parts/messages.js";
 import {closuresAt, missionAt, readClosures, readPlans, spanOf} from "../parts/past_plans.js";
+import {eventsOf} from "../parts/replay_events.js";
+import {ReplayPlayer, exactTime, keysOf} from "../parts/replay_player.js";
 
 const HOUR_MS = 3_600_000;
-const SPEEDS = [1, 10, 60, 120, 300, 600];
 const STEP_MS = 100;
 const MOST_ALARMS = 500;
-
-// A moment as an input of the type "datetime-local" writes it, in the browser's own zone.
-function localText(ms) {
-  const date = new Date(ms);
-  return new Date(ms - date.getTimezoneOffset() * 60_000).toISOString().slice(0, 16);
-}
 
 // The map, and whether the network is on it.
 function useMap(container, onDrone) {
@@ -56,7 +51,8 @@ function usePlayer(span, isPlaying, speed) {
       () => setAt((before) => Math.min(span.until, before + STEP_MS * speed)), STEP_MS);
     return () => clearInterval(timer);
   }, [isPlaying, speed, span.until]);
-  return [atMs, setAt];
+  const moveTo = (ms) => setAt(Math.max(span.from, Math.min(span.until, ms)));
+  return [atMs, moveTo];
 }
 
 // The alarms of the span, the oldest first.
@@ -100,64 +96,61 @@ function usePlans(droneId, span) {
   return plans;
 }
 
-function Controls({span, onSpan, atMs, onAt, speed, onSpeed, isPlaying, onPlay, text}) {
-  const choose = ({target}) => {
-    const from = new Date(target.value).getTime();
-    if (!Number.isNaN(from)) onSpan({from, until: from + HOUR_MS});
-  };
+// What happened, each with a jump to it. `atMs` marks what has happened already.
+function Happenings({events, atMs, onAt}) {
+  if (events.length === 0) return null;
   return html`
-    <div class="player">
-      <label>From <input type="datetime-local" value=${localText(span.from)} onChange=${choose} /></label>
-      <button onClick=${() => onPlay(!isPlaying)}>${isPlaying ? "Pause" : "Play"}</button>
-      <label>Speed <select value=${speed} onChange=${({target}) => onSpeed(Number(target.value))}>
-        ${SPEEDS.map((each) => html`<option value=${each}>×${each}</option>`)}
-      </select></label>
-      <input type="range" aria-label="Moment" min=${span.from} max=${span.until} step="1000"
-        value=${atMs} onInput=${({target}) => onAt(Number(target.value))} />
-      <output>${new Date(atMs).toLocaleTimeString([], {hourCycle: "h23"})}</output>
-      <span class="hint" role="status">${text}</span>
-    </div>`;
-}
-
-const jump = (moment, onAt) => html`
-  <button class="small" onClick=${() => onAt(Date.parse(moment))}>${momentText(moment)}</button>`;
-
-function Happenings({alarms, closures, onAt}) {
-  if (alarms.length + closures.length === 0) return null;
-  return html`
-    <aside class="legend" aria-label="What happened in this hour">
-      <ul>
-        ${alarms.map(({alarm_id, at, code}) => html`
-          <li key=${alarm_id}>${jump(at, onAt)} ${inWords(code)}</li>`)}
-        ${closures.map((each) => html`
-          <li key=${each.closure_id}>${jump(each.from_at, onAt)} ${closureName(each)}${each.kind === "GROUND_STOP" ? "" : " closed"}</li>`)}
+    <details class="legend happenings" open=${!isNarrow.peek()}>
+      <summary>${events.length === 1 ? "1 event" : `${events.length} events`} of this hour</summary>
+      <ul aria-label="What happened in this hour">
+        ${events.map(({id, kind, atMs: at, text}) => html`
+          <li key=${id} class=${at <= atMs ? "past" : ""}>
+            <button class="small" onClick=${() => onAt(at)}>${exactTime(at)}</button>
+            <span class="event-kind ${kind}"></span>${text}</li>`)}
       </ul>
-    </aside>`;
+    </details>`;
 }
 
-export function ReplayView() {
+// The hour that an address names, or the one that has just passed.
+function spanFrom(from) {
+  const begin = Number.isNaN(from) ? fleetNow() - HOUR_MS : from;
+  return {from: begin, until: begin + HOUR_MS};
+}
+
+export function ReplayView({parts: [fromText, chosen]}) {
   const container = useRef(null);
-  const [droneId, setDrone] = useState(null);
+  const view = useRef(null);
+  const [droneId, setDrone] = useState(chosen ?? null);
   const [map, isShown] = useMap(container, setDrone);
-  const [span, setSpan] = useState(() => ({from: fleetNow() - HOUR_MS, until: fleetNow()}));
+  const [span, setSpan] = useState(() => spanFrom(Date.parse(fromText)));
   const [isPlaying, setPlaying] = useState(false);
   const [speed, setSpeed] = useState(60);
-  const {record, alarms, closures, text} = useRecord(span);
+  const {text, ...past} = useRecord(span);
+  const {record, closures} = past;
   const [atMs, setAt] = usePlayer(span, isPlaying, speed);
   const plans = usePlans(droneId, span);
   const drones = dronesAt(record, atMs);
   const closed = closuresAt(closures, atMs);
+  const events = eventsOf(past, plans, droneId, span);
+  const player = {span, atMs, onAt: setAt, isPlaying, onPlay: setPlaying, events};
   useEffect(() => map.current.drones.show(drones), [record, atMs]);
+  useEffect(() => map.current.drones.select(droneId), [droneId]);
   useEffect(() => map.current.showPlan(missionAt(plans, atMs), drones[droneId]), [plans, record, atMs]);
   useEffect(() => map.current.showStations({}, closed), [isShown, Object.keys(closed).join()]);
+  // Keys work as soon as the view is open.
+  useEffect(() => view.current.focus(), []);
   return html`
-    <div class="replay-view">
+    <div class="replay-view" ref=${view} tabindex="-1" onKeyDown=${keysOf(player)}>
       <h1 class="hidden">Replay</h1>
-      <${Controls} span=${span} onSpan=${setSpan} atMs=${atMs} onAt=${setAt} speed=${speed}
-        onSpeed=${setSpeed} isPlaying=${isPlaying} onPlay=${setPlaying} text=${text} />
+      <${ReplayPlayer} ...${player} text=${text} onSpan=${(from) => setSpan(spanFrom(from))} speed=${speed}
+        onSpeed=${setSpeed} />
       <div class="map-view">
         <div class="map" ref=${container} role="application" aria-label="Map of a past hour"></div>
-        <${Happenings} alarms=${alarms} closures=${closures} onAt=${setAt} />
+        <p class="legend chosen">${droneId
+          ? html`<span><strong>Drone ${droneName(droneId)}</strong>, with its plan of that time.</span>
+            <button class="small" onClick=${() => setDrone(null)}>All drones</button>`
+          : "Click a drone to see its plan and its landings. Space plays, ← and → step, P and N jump to events."}</p>
+        <${Happenings} events=${events} atMs=${atMs} onAt=${setAt} />
       </div>
     </div>`;
 }

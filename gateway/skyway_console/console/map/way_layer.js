@@ -1,0 +1,91 @@
+// Draws the way of one delivery on a map: what was flown, what is to come, and its stops with their names.
+
+import {Marker} from "maplibre-gl";
+
+import {inWords, stationName} from "../words.js";
+import {colours} from "./colours.js";
+import {drawAround, near} from "./longitudes.js";
+import {overlay} from "./overlay.js";
+
+const PADDING = {top: 56, bottom: 36, left: 72, right: 72};
+const FARTHEST_ZOOM = 13;
+
+function layers() {
+  const paint = colours();
+  const line = (kind, of) => ({
+    id: `way-${kind}`, type: "line", paint: of, filter: ["==", ["get", "kind"], kind],
+    layout: {"line-cap": "round", "line-join": "round"},
+  });
+  return [
+    line("PLANNED", {"line-color": paint.planned, "line-width": 3, "line-dasharray": [1, 2]}),
+    line("FLOWN", {"line-color": paint.planned, "line-width": 4}),
+  ];
+}
+
+// What happens at a stop, by its most important step.
+function roleOf({is_pickup: isPickup, stops}) {
+  if (isPickup) return "pickup";
+  return stops.some(({kind}) => kind === "DELIVER") ? "destination" : "stop";
+}
+
+function stopMarker({geometry, properties}) {
+  const {station_id: id, stops} = properties;
+  const role = roleOf(properties);
+  const element = document.createElement("div");
+  const isDone = stops.length > 0 && stops.every(({status}) => status === "ENDED");
+  element.className = `way-stop ${role}${isDone ? " done" : ""}`;
+  const name = document.createElement("span");
+  name.textContent = stationName(id);
+  element.append(name);
+  element.title = `${stationName(id)}: ${stops.map(({kind}) => inWords(kind).toLowerCase()).join(", ")}`;
+  return new Marker({element, anchor: "bottom", offset: [0, 7]}).setLngLat(near(geometry.coordinates));
+}
+
+const touch = (one, other) => one.left < other.right && other.left < one.right && one.top < other.bottom
+  && other.top < one.bottom;
+
+// A name that would cover another one is left out; the mark of its stop stays.
+function uncover(markers) {
+  const names = markers.map((each) => each.getElement().firstChild);
+  names.forEach((name) => name.classList.remove("covered"));
+  const shown = [];
+  for (const name of names) {
+    const box = name.getBoundingClientRect();
+    if (shown.some((other) => touch(box, other))) name.classList.add("covered");
+    else if (box.width) shown.push(box);
+  }
+}
+
+export class WayLayer {
+  constructor({map}) {
+    this.map = map;
+    this.draw = overlay(map, "way", layers);
+    this.markers = [];
+    this.bounds = "";
+    map.on("moveend", () => uncover(this.markers));
+  }
+
+  // `track` is the track of a delivery, as the API has it.
+  show({features}) {
+    const first = features.find(({geometry}) => geometry.type === "Point");
+    if (!first) return;
+    drawAround(first.geometry.coordinates[0]);
+    this.draw(features.filter(({geometry}) => geometry.type === "LineString"));
+    this.markers.forEach((each) => each.remove());
+    this.markers = features.filter(({properties}) => properties.kind === "STATION").map(stopMarker);
+    this.markers.forEach((each) => each.addTo(this.map));
+    this.fit(features);
+    uncover(this.markers);
+  }
+
+  // The whole way is in the picture. It moves only when the way becomes another one.
+  fit(features) {
+    const points = features.flatMap(({geometry: {type, coordinates}}) =>
+      (type === "Point" ? [coordinates] : coordinates)).map(near);
+    const [east, north] = [0, 1].map((axis) => points.map((point) => point[axis]));
+    const bounds = [[Math.min(...east), Math.min(...north)], [Math.max(...east), Math.max(...north)]];
+    if (this.bounds === String(bounds)) return;
+    this.bounds = String(bounds);
+    this.map.fitBounds(bounds, {padding: PADDING, maxZoom: FARTHEST_ZOOM, duration: 0});
+  }
+}
