@@ -24,12 +24,9 @@ _MASSES_KG: Final = (0.2, 0.4, 0.6, 0.8)
 
 _OBJECTIVES: Final = ("FASTEST", "CHEAPEST", "GREENEST")
 
-#: One request in so many is PRIORITY, has a deadline, or a photo of each hand-over.
+#: One request in so many is PRIORITY, and one in so many has a deadline.
 _PRIORITY_IN: Final = 4
 _DEADLINE_IN: Final = 3
-_PHOTO_IN: Final = 8
-
-_WITH_PHOTO: Final = {"dropoff_verification": {"method": "PHOTO"}}
 
 #: From now to the deadline, fleet time.
 _DEADLINE_AFTER: Final = timedelta(hours=6)
@@ -81,10 +78,8 @@ class RequestDraw:
     def _packages(self, destinations: Sequence[StationId], shop: Shop) -> Iterator[dict[str, Any]]:
         wares = self._chance.sample(shop.wares, len(destinations))
         for destination, ware in zip(destinations, wares, strict=True):
-            proof = {} if self._chance.randrange(_PHOTO_IN) else _WITH_PHOTO
             yield {
                 "package_id": ware,
                 "mass_kg": self._chance.choice(_MASSES_KG),
                 "destination": {"station_id": destination},
-                **proof,
             }

@@ -23,20 +23,20 @@ from skyway.network.network import Network
 from skyway.runtime.clock import FleetClock
 
 #: Between two chapters of the story, and how long a closure, a gust and a delay last, fleet time.
-PAUSE: Final = timedelta(minutes=90)
+PAUSE: Final = timedelta(minutes=60)
 _CLOSED_FOR: Final = timedelta(minutes=40)
 _GUST_LASTS: Final = timedelta(minutes=40)
 _HELD_FOR: Final = timedelta(minutes=15)
 
-#: While nothing is under way that a chapter can be about, it is tried again after this time.
+#: If nothing is under way that a chapter can be about, the next one is tried after this time.
 _AGAIN_AFTER: Final = timedelta(minutes=10)
 
-_REASONS: Final = ("a crane stands there", "the roof is cleaned", "a helicopter lands there")
+_REASONS: Final = ("a crane is being moved", "fireworks are prepared", "a helicopter lands nearby")
 _HOLD_REASON: Final = "people look at a propeller"
 
-#: A closure may give so many missions a new plan, and is chosen from so many stations.
+#: A closure may give so many missions a new plan, and is chosen from so many places.
 _MOST_AFFECTED: Final = 3
-_STATIONS_TRIED: Final = 6
+_PLACES_TRIED: Final = 10
 
 _Json = dict[str, Any]  # as the gateway answers
 
@@ -66,22 +66,20 @@ class StoryOfTheDay:
 
     async def run(self) -> Never:
         """Begin with calm air, then have one chapter happen after the other; never returns."""
-        await self._until_done(self._begin)
-        for chapter in cycle((self.close_a_station, self.delay_a_drone, self.let_a_gust_pass)):
-            await self._pause(PAUSE)
-            await self._until_done(chapter)
+        while not await self._has_happened(self._begin):
+            await self._pause(_AGAIN_AFTER)
+        await self._pause(PAUSE)
+        for chapter in cycle((self.close_on_the_way, self.delay_a_drone, self.let_a_gust_pass)):
+            await self._pause(PAUSE if await self._has_happened(chapter) else _AGAIN_AFTER)
         raise AssertionError("a cycle has no end")
 
-    async def _until_done(self, chapter: Callable[[], Awaitable[bool]]) -> None:
-        """Try again until it could happen; trouble is left to the next try."""
-        is_done = False
-        while not is_done:
-            try:
-                is_done = await chapter()
-            except (SkywayError, httpx.HTTPError) as trouble:
-                self._say(f"The story of the day goes on later: {trouble}")
-            if not is_done:
-                await self._pause(_AGAIN_AFTER)
+    async def _has_happened(self, chapter: Callable[[], Awaitable[bool]]) -> bool:
+        """Whether the chapter could happen now; trouble is left to the next one."""
+        try:
+            return await chapter()
+        except (SkywayError, httpx.HTTPError) as trouble:
+            self._say(f"The story of the day goes on later: {trouble}")
+            return False
 
     async def _begin(self) -> bool:
         """Calm air, and no drone that an earlier start has left held."""
@@ -89,26 +87,43 @@ class StoryOfTheDay:
         await self._resume()
         return True
 
-    async def close_a_station(self) -> bool:
-        """Close a station on the way of a few drones until a moment; whether there was one."""
+    async def close_on_the_way(self) -> bool:
+        """Close a place on the way of a few drones until a moment; whether there was one."""
         reason = self._chance.choice(_REASONS)
-        for station_id in (await self._passed_stations())[:_STATIONS_TRIED]:
-            path = f"/v1/stations/{station_id}/closures"
+        for place, path in (await self._places_on_ways())[:_PLACES_TRIED]:
             until = self._clock.now() + _CLOSED_FOR
             body = {"until": until.isoformat(), "reason": reason}
             tried = await self._call("POST", f"{path}?dry_run=true", body)
             if not 1 <= len(tried["affected_missions"]) <= _MOST_AFFECTED:
                 continue
             made = await self._call("POST", path, body)
-            name, count = self._name(station_id), len(made["affected_missions"])
+            count = len(made["affected_missions"])
             self._say(
-                f"{self._time()}: {name} is closed until {until:%H:%M}, {reason}. "
-                f"New plans: {count}."
+                f"{self._time()}: {place} is closed until {until:%H:%M}: {reason}. "
+                f"Flights that need a new plan: {count}."
             )
             await self._clock.sleep_until(until)
-            self._say(f"{self._time()}: {name} is open again.")
+            self._say(f"{self._time()}: {place} is open again.")
             return True
         return False
+
+    async def _places_on_ways(self) -> list[tuple[str, str]]:
+        """Stations and segments on the ways of drones: their names, and where they are closed."""
+        stations = [
+            (self._name(each), f"/v1/stations/{each}/closures")
+            for each in await self._passed_stations()
+        ]
+        steps = [step for mission in await self._flown() for step in mission["plan"]["steps"]]
+        segments = dict.fromkeys(
+            (step["from"], step["to"]) for step in steps if step["kind"] == "FLY"
+        )
+        return stations + [
+            (
+                f"The way from {self._name(start)} to {self._name(end)}",
+                f"/v1/segments/{start}/{end}/closures",
+            )
+            for start, end in segments
+        ]
 
     async def delay_a_drone(self) -> bool:
         """Hold a drone at its next landing, and let it go on; whether there was one."""
@@ -147,14 +162,15 @@ class StoryOfTheDay:
 
     async def let_a_gust_pass(self) -> bool:
         """Let a gust cross the ways of some drones; whether a drone is under way."""
-        passed = await self._passed_stations()
-        if not passed:
+        missions = await self._flown()
+        if not missions:
             return False
-        centre = self._network.stations[passed[0]]
+        last = missions[0]["plan"]["steps"][-1]["station_id"]
+        centre = self._network.stations[StationId(last)]
         begins_at = self._clock.now()
         await self._forecast(passing_gust(self._network, begins_at, centre.position, _GUST_LASTS))
         self._say(
-            f"{self._time()}: gusts of {GUST_MPS:g} m/s near {self._name(passed[0])}, moving to "
+            f"{self._time()}: gusts of {GUST_MPS:g} m/s near {self._name(last)}, moving to "
             f"the southeast until {begins_at + _GUST_LASTS:%H:%M}. Drones keep out of them."
         )
         await self._clock.sleep_until(begins_at + _GUST_LASTS)
@@ -169,10 +185,13 @@ class StoryOfTheDay:
         self._chance.shuffle(found)
         return found
 
+    async def _flown(self) -> list[_Json]:
+        """The missions of the deliveries in progress."""
+        return [each["missions"][-1] for each in await self._in_progress()]
+
     async def _passed_stations(self) -> list[StationId]:
         """Stations that drones pass and no delivery begins or ends at, the most passed first."""
-        missions = [each["missions"][-1] for each in await self._in_progress()]
-        steps = [step for mission in missions for step in mission["plan"]["steps"]]
+        steps = [step for mission in await self._flown() for step in mission["plan"]["steps"]]
         ends = {step.get("station_id") for step in steps} | {
             each for shop in (OWN_SHOP, *SHOPS.values()) for each in shop.stations
         }
