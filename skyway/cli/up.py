@@ -123,7 +123,7 @@ async def keep_small_world(system: "System", *, say: Callable[[str], None], at_o
     else:
         await until_requested(folder)
     # Imported here: networks take a moment, and most starts need none.
-    from skyway.cli.small_world import live_on
+    from skyway.cli.small_world.living import live_on
 
     while True:
         try:

@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.end_to_end.browser import WatchedPage, needs_browser
+from tests.end_to_end.clicks import Clicks
 from tests.end_to_end.console_page import ConsolePage
 from tests.end_to_end.ladder_network import ladders
 from tests.end_to_end.local_system import LocalSystem
@@ -43,7 +44,7 @@ def operator(browser: Browser, system: Any) -> Iterator[ConsolePage]:
 @pytest.fixture(scope="module", autouse=True)
 def fleets(running_system: LocalSystem) -> Iterator[dict[str, Any]]:
     """A provider with a drone for each story, by the name of the story's network."""
-    near = ("offered", "quoted")
+    near = ("offered", "quoted", "ordered")
     with shared_fleet(running_system, {name: {} for name in near}, near=near) as registered:
         yield registered
 
@@ -84,7 +85,7 @@ def test_a_customer_takes_an_offer_and_follows_its_delivery(
     expect(page.get_by_role("combobox", name="To", exact=True)).to_have_value("offered-s3")
 
     page.get_by_role("button", name="Ask for offers").click()
-    offers = page.get_by_role("table", name="Offers")
+    offers = page.get_by_role("list", name="Offers")
     expect(offers).to_contain_text("Offered S1 – Offered S2 – Offered S3")
     page.wait_for_function(
         """() => document.querySelector(".map").fleetMap.data.plan.features
@@ -115,6 +116,31 @@ def test_a_customer_takes_an_offer_and_follows_its_delivery(
 
 
 @pytest.mark.long
+def test_a_customer_orders_on_a_phone_with_few_clicks(browser: Browser, system: Any) -> None:
+    """From the login to the accepted offer; the pickup is that of an earlier delivery."""
+    system.request_delivery(["ordered-s2"], pickup="ordered-s1")
+    phone = WatchedPage(
+        browser, system.keys["SKYWAY_GATEWAY_URL"], viewport={"width": 390, "height": 844}
+    )
+    page = phone.page
+    page.goto(f"{system.keys['SKYWAY_GATEWAY_URL']}/console")
+    clicks = Clicks()
+    page.get_by_label("API key").fill(system.keys["SKYWAY_CUSTOMER_KEY"])
+    clicks.press(page.get_by_label("API key"), "Enter")
+    clicks.click(page.get_by_role("link", name="New delivery").first)
+    page.get_by_label("Network").select_option("ordered")
+    expect(page.get_by_role("combobox", name="Pickup")).to_have_value("ordered-s1")
+    page.get_by_label("Station, address").fill("Ordered S3")
+    clicks.press(page.get_by_label("Station, address"), "Enter")
+    clicks.click(page.get_by_role("button", name="Ask for offers"))
+    clicks.click(page.get_by_role("button", name="Take the offer of Test Air").first)
+
+    expect(page).to_have_url(re.compile("#/deliveries/dlv_"))
+    assert clicks.count <= 8
+    assert (phone.foreign, phone.errors) == ([], [])
+
+
+@pytest.mark.long
 def test_a_customer_asks_by_keyboard_and_learns_why_nobody_can_fly(
     customer: ConsolePage, system: Any
 ) -> None:
@@ -136,6 +162,7 @@ def test_markup_in_a_reference_stays_text(customer: ConsolePage, system: Any) ->
     page = new_delivery(customer, "quoted")
     page.get_by_role("combobox", name="Pickup").select_option("quoted-s1")
     page.get_by_role("combobox", name="To", exact=True).select_option("quoted-s2")
+    page.get_by_text("More wishes").click()
     page.get_by_label("Reference").fill(MARKUP)
     page.get_by_role("button", name="Ask for offers").click()
     page.get_by_role("button", name="Take the offer of").first.click()

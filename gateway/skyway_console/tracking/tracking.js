@@ -1,25 +1,26 @@
 // The tracking page: shows the state of a delivery, and follows it while it is under way.
 
-import {awaited, showProofs} from "./proofs.js";
-import {drawWay} from "./way_map.js";
-import {WORDS, placeText} from "./words.js";
+import {Glide} from "./glide.js";
+import {clockTime, zoneText} from "./moments.js";
+import {showPackages} from "./packages.js";
+import {showProofs} from "./proofs.js";
+import {said} from "./said.js";
+import {WayMap} from "./way_map.js";
+import {WORDS} from "./words.js";
 
-const STAGES = [
-  ["REQUESTED", "Requested"],
-  ["PLANNED", "Planned"],
-  ["ON_THE_WAY", "On the way"],
-  ["DELIVERED", "Delivered"],
-];
-// A drone this near, in seconds of fleet time, is arriving.
-const ARRIVING_S = 120;
-// A delivery that is later than expected by so much, in seconds of fleet time, is overdue.
-const OVERDUE_S = 120;
+// What the stages of the state are on the page.
+const SHOWN_AS = {LOADING: "PLANNED", PARTLY_DELIVERED: "DELIVERED"};
 const LOOK_AGAIN_MS = 60_000;
 // What was refused or not answered is tried again after this time.
 const AGAIN_MS = 5_000;
+// A drone that was not seen for so long is shown as old, seconds of wall time and of fleet time.
+const OLD_WALL_S = 20;
+const OLD_FLEET_S = 60;
 
 const here = location.pathname.replace(/\/$/, "");
 const element = (id) => document.getElementById(id);
+const glide = new Glide();
+const map = new WayMap(element("map"));
 
 let state = null;
 let readAt = 0;
@@ -34,136 +35,36 @@ let isEnded = false;
 const nameOf = (stationId) => state.station_names[stationId] ??
   stationId.split(/[-_]/).map((word) => word.charAt(0).toUpperCase() + word.slice(1)).join(" ");
 const fleetNow = () => Date.parse(state.now) + (Date.now() - readAt) * state.rate;
-const clockTime = (moment) =>
-  new Date(moment).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit"});
-const secondsTo = (moment) => (Date.parse(moment) - fleetNow()) / 1000;
-
-function paragraph(text, name = "") {
-  const made = document.createElement("p");
-  made.textContent = text;
-  made.className = name;
-  return made;
-}
-
-// The next package that is still to come.
-function nextPackage() {
-  return state.packages
-    .filter(({delivered_at, eta_at}) => !delivered_at && eta_at)
-    .sort((one, other) => Date.parse(one.eta_at) - Date.parse(other.eta_at))[0];
-}
-
-const isOverdue = (next) => secondsTo(next.eta_at) < -OVERDUE_S;
-
-function isArriving(next) {
-  return state.stage === "ON_THE_WAY" && !isOverdue(next) && secondsTo(next.eta_at) <= ARRIVING_S;
-}
-
-const withoutTime = () => (state.stage === "ON_THE_WAY" ? "On the way" : "Planned");
-
-function headline(next) {
-  switch (state.stage) {
-    case "DELIVERED": return "Delivered";
-    case "PARTLY_DELIVERED": return "Delivered in part";
-    case "ENDED": return state.state === "CANCELLED" ? "Cancelled" : "Not delivered";
-    case "REQUESTED": return state.is_waiting ? "Waiting for a drone" : "Requested";
-    default:
-      if (awaited(state)) return "The drone is here";
-      if (next === undefined || state.is_replanning || isOverdue(next)) return withoutTime();
-      return isArriving(next) ? "Arriving" : `Arrives at ${clockTime(next.eta_at)}`;
-  }
-}
-
-function detail(next) {
-  if (state.is_over || next === undefined) return "";
-  const waiting = awaited(state);
-  if (waiting) {
-    return `It waits at ${nameOf(waiting.station_id)} until ${clockTime(waiting.proof_until_at)}.`;
-  }
-  if (state.is_replanning) return "The plan is being changed. A new time follows.";
-  if (isOverdue(next)) return `Expected at ${clockTime(next.eta_at)}. It takes longer than planned.`;
-  const [from, until] = [clockTime(next.eta_at), clockTime(next.eta_until_at)];
-  const minutes = Math.max(0, Math.round(secondsTo(next.eta_at) / 60));
-  const range = from === until ? "" : `Between ${from} and ${until}. `;
-  const shared = state.is_shared ? " The drone carries packages of others too." : "";
-  const pickup = state.stage !== "ON_THE_WAY" && state.other_pickup_id
-    ? ` The drone is loaded at ${nameOf(state.other_pickup_id)}.` : "";
-  return `${range}${minutes} min to ${nameOf(next.station_id)}.${shared}${pickup}`;
-}
-
-function showStages() {
-  const reached = {LOADING: "PLANNED", PARTLY_DELIVERED: "DELIVERED"}[state.stage] ?? state.stage;
-  const place = STAGES.findIndex(([stage]) => stage === reached);
-  element("stages").hidden = place < 0;
-  element("stages").replaceChildren(...STAGES.map(([, name], number) => {
-    const item = document.createElement("li");
-    item.textContent = name;
-    item.className = number < place || reached === "DELIVERED" ? "past" : number === place ? "now" : "";
-    if (number === place) item.setAttribute("aria-current", "step");
-    return item;
-  }));
-}
-
-// What the drone measured at the hand-over.
-function measured({proof_mass_kg: massKg, proof_position: position}) {
-  return [
-    ...(typeof massKg === "number" ? [`Mass: ${Number(massKg.toFixed(3))} kg`] : []),
-    ...(position ? [`Place: ${placeText(position)}`] : []),
-  ];
-}
-
-// The pad where a package comes down. The page does not know where its recipient lives.
-function padLines({station_id: stationId}) {
-  const position = state.places.find((each) => each.station_id === stationId)?.position;
-  if (!position) return [];
-  const [longitude, latitude] = position;
-  const link = document.createElement("a");
-  link.href = `geo:${latitude},${longitude}`;
-  link.textContent = WORDS.openMap;
-  link.className = "way";
-  return [paragraph(WORDS.pad(nameOf(stationId), placeText(position))), link];
-}
-
-function packageLines(one) {
-  if (one.delivered_at) {
-    const where = nameOf(one.proof_station_id ?? one.station_id);
-    return [
-      paragraph(`Handed over at ${where}, ${clockTime(one.delivered_at)}`, "done"),
-      ...measured(one).map((text) => paragraph(text)),
-    ];
-  }
-  const ends = {
-    RETURNED: "Returned to the sender",
-    RETURNING: "On its way back",
-    STRANDED: "Left at a safe landing. The sender is notified.",
-    CANCELLED: "Not delivered",
-  };
-  if (one.state in ends) return [paragraph(ends[one.state], "bad")];
-  const lines = [];
-  if (one.eta_at) {
-    const isLate = one.due_at && Date.parse(one.eta_at) - Date.parse(one.due_at) > 60_000;
-    const late = isLate ? `, promised by ${clockTime(one.due_at)}` : "";
-    lines.push(paragraph(`Expected ${clockTime(one.eta_at)}${late}`, isLate ? "late" : ""));
-  }
-  lines.push(...padLines(one));
-  lines.push(paragraph(
-    `If nobody is there, the drone waits a moment and then takes it to ${nameOf(one.alternative_id)}.`,
-  ));
-  return lines;
-}
-
-function showPackages() {
-  element("packages").replaceChildren(...state.packages.map((one) => {
-    const card = document.createElement("article");
-    const title = document.createElement("h2");
-    title.textContent = `${one.package_id} to ${nameOf(one.station_id)}`;
-    card.append(title, ...packageLines(one));
-    return card;
-  }));
-}
 
 function setText(id, text) {
   // An unchanged text is not announced again to people who listen.
   if (element(id).textContent !== text) element(id).textContent = text;
+}
+
+// When each stage was reached or is expected; a stage without a moment has no time.
+function stageMoments() {
+  const {requested_at: requested, loaded_at: loaded, packages} = state;
+  const ends = packages.map(({delivered_at: at, eta_at: eta}) => at ?? eta).filter(Boolean).sort();
+  return {REQUESTED: requested, ON_THE_WAY: loaded, DELIVERED: ends.at(-1)};
+}
+
+function showStages() {
+  const reached = SHOWN_AS[state.stage] ?? state.stage;
+  const place = Object.keys(WORDS.stages).indexOf(reached);
+  const moments = stageMoments();
+  element("stages").hidden = place < 0;
+  element("stages").replaceChildren(...Object.entries(WORDS.stages).map(([stage, name], number) => {
+    const item = document.createElement("li");
+    item.append(name);
+    if (moments[stage]) {
+      const time = document.createElement("time");
+      time.textContent = clockTime(moments[stage], fleetNow());
+      item.append(time);
+    }
+    item.className = number < place || reached === "DELIVERED" ? "past" : number === place ? "now" : "";
+    if (number === place) item.setAttribute("aria-current", "step");
+    return item;
+  }));
 }
 
 function showShop({name, colour, text_colour: textColour}) {
@@ -173,17 +74,34 @@ function showShop({name, colour, text_colour: textColour}) {
   element("shop").style.color = textColour ?? "";
 }
 
+const isOld = ({at}) => at && fleetNow() - Date.parse(at) > 1_000 * Math.max(OLD_FLEET_S, OLD_WALL_S * state.rate);
+
+const flying = () => glide.shown(Date.now()).map((drone) => ({...drone, isOld: isOld(drone)}));
+
+function showWay() {
+  glide.report(state.is_over ? {} : drones ?? {...state.drones}, Date.now());
+  const shown = flying();
+  element("way").hidden = state.places.length === 0;
+  if (state.places.length > 0) map.draw(state, shown, nameOf);
+  const old = shown.find((drone) => drone.isOld);
+  setText("seen", old ? WORDS.lastSeen(clockTime(old.at, fleetNow())) : "");
+}
+
 function show() {
-  const next = nextPackage();
-  setText("headline", headline(next));
-  setText("detail", detail(next));
+  const {headline, promise, detail, isLate} = said(state, fleetNow(), nameOf);
+  setText("headline", headline);
+  setText("promise", promise);
+  setText("detail", detail);
+  // What is announced changes with the stage, not each minute.
+  setText("news", state.is_over ? headline : `${WORDS.stages[SHOWN_AS[state.stage] ?? state.stage]}. ${promise}`);
+  setText("zone", WORDS.zone(zoneText(fleetNow())));
+  element("hero").className = state.stage === "DELIVERED" ? "done" : state.is_over ? "bad" : isLate ? "late" : "";
   showShop(state.shop);
-  document.title = WORDS.title(headline(next), state.shop.name);
+  document.title = WORDS.title(headline, state.shop.name);
   showStages();
   showProofs(element("proofs"), state, look);
-  showPackages();
-  const flying = drones === null ? state.drones : Object.values(drones);
-  drawWay(element("map"), state, state.is_over ? [] : flying, nameOf);
+  showPackages(element("packages"), state, {nameOf, now: fleetNow(), changed: show});
+  showWay();
 }
 
 function showConnection(text) {
@@ -195,13 +113,14 @@ function showEnd() {
   stream?.close();
   state = null;
   isEnded = true;
-  setText("headline", "This link has ended");
-  setText("detail", "Ask the sender for another one.");
-  for (const id of ["stages", "proofs", "map", "packages"]) element(id).hidden = true;
+  setText("headline", WORDS.linkEnded);
+  setText("promise", "");
+  setText("detail", WORDS.askAgain);
+  for (const id of ["stages", "proofs", "way", "packages", "zone"]) element(id).hidden = true;
 }
 
 function showTrouble(text) {
-  showConnection(text);
+  showConnection(text(state ? clockTime(state.now, fleetNow()) : WORDS.begin));
   again = setTimeout(look, AGAIN_MS);
 }
 
@@ -212,7 +131,7 @@ async function look() {
   try {
     answer = await fetch(`${here}/state`);
   } catch {
-    showTrouble("No connection. The page goes on by itself.");
+    showTrouble(WORDS.noConnection);
     return;
   }
   if (answer.status === 404) {
@@ -220,7 +139,7 @@ async function look() {
     return;
   }
   if (!answer.ok) {
-    showTrouble("The service does not answer just now. The page goes on by itself.");
+    showTrouble(WORDS.noAnswer);
     return;
   }
   state = await answer.json();
@@ -268,6 +187,12 @@ function follow() {
   });
 }
 
+// Between two pictures the drones glide on. Browsers ask for no frames of a hidden page.
+function move() {
+  if (state && !state.is_over && state.places.length > 0) map.move(flying());
+  requestAnimationFrame(move);
+}
+
 // While the page slept its stream may have ended, and looks open: nothing has told the browser.
 document.addEventListener("visibilitychange", () => {
   if (document.visibilityState !== "visible") return;
@@ -275,6 +200,7 @@ document.addEventListener("visibilitychange", () => {
   followAgainAt = 0;
   look();
 });
+requestAnimationFrame(move);
 setInterval(() => state && !state.is_over && show(), 1_000);
 setInterval(() => document.visibilityState === "visible" && !state?.is_over && look(), LOOK_AGAIN_MS);
 look();

@@ -1,14 +1,25 @@
 // Draws the way of a delivery: what was flown, what is to come, and the drones that carry it.
 
+import {WORDS, distanceText} from "./words.js";
+
 const SVG = "http://www.w3.org/2000/svg";
 const WIDTH = 400;
 const HEIGHT = 300;
 const MARGIN = 44;
+const METRES_PER_DEGREE = 111_195;
+// The scale bar is so long at most, in units of the picture.
+const BAR = 90;
+// Names nearer to the side than this begin or end at their mark.
+const SIDE = 90;
+// A quadcopter from above, with its nose to the north.
+const ARMS = "M-5 -5 L5 5 M5 -5 L-5 5";
+const ROTORS = [[-6, -6], [6, -6], [-6, 6], [6, 6]];
+const NOSE = "M0 -13 L3.5 -7 L-3.5 -7 Z";
 
-function shape(name, attributes, text) {
+function shape(name, attributes, ...children) {
   const made = document.createElementNS(SVG, name);
   for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  if (text !== undefined) made.textContent = text;
+  made.append(...children);
   return made;
 }
 
@@ -25,56 +36,95 @@ function projection(positions) {
     (WIDTH - 2 * MARGIN) / Math.max((east - west) * narrowing, 1e-4),
     (HEIGHT - 2 * MARGIN) / Math.max(north - south, 1e-4),
   );
-  return ([longitude, latitude]) => [
+  const project = ([longitude, latitude]) => [
     WIDTH / 2 + (near(longitude) - (west + east) / 2) * narrowing * scale,
     HEIGHT / 2 - (latitude - (south + north) / 2) * scale,
   ];
+  return {project, metres: METRES_PER_DEGREE / scale};
 }
 
-function flightLines(flights, drones, project) {
-  return flights.flatMap(({status, from_position, to_position}) => {
-    const line = (from, to, name) => {
-      const [[x1, y1], [x2, y2]] = [project(from), project(to)];
-      return shape("line", {x1, y1, x2, y2, class: name});
-    };
-    if (status === "FLOWN") return [line(from_position, to_position, "flown")];
-    if (status === "PLANNED" || drones.length !== 1) {
-      return [line(from_position, to_position, "planned")];
-    }
-    const here = drones[0].position;
-    return [line(from_position, here, "flown"), line(here, to_position, "planned")];
-  });
+// The longest round distance that fits.
+function scaleBar(metres) {
+  const most = BAR * metres;
+  const power = 10 ** Math.floor(Math.log10(most));
+  const long = [5, 2, 1].map((each) => each * power).find((each) => each <= most);
+  const [left, y] = [14, HEIGHT - 14];
+  return shape("g", {class: "scale"},
+    shape("path", {d: `M${left} ${y - 4} V${y} H${left + long / metres} V${y - 4}`}),
+    shape("text", {x: left, y: y - 9}, distanceText(long)));
 }
+
+const line = ([x1, y1], [x2, y2], name) => shape("line", {x1, y1, x2, y2, class: name});
 
 function placeMarks(places, project, nameOf) {
   return places.flatMap(({station_id, position, role}) => {
     const [x, y] = project(position);
     if (role === "STOP") return [shape("circle", {cx: x, cy: y, r: 3, class: "stop"})];
     const mark = role === "PICKUP"
-      ? shape("rect", {x: x - 6, y: y - 6, width: 12, height: 12, rx: 2, class: "pickup"})
-      : shape("circle", {cx: x, cy: y, r: 7, class: "destination"});
-    const label = shape("text", {x, y: y - 12, "text-anchor": "middle"}, nameOf(station_id));
-    return [mark, label];
+      ? [shape("rect", {x: x - 6, y: y - 6, width: 12, height: 12, rx: 3, class: "pickup"})]
+      : [13, 7, 2.5].map((r, ring) => shape("circle", {cx: x, cy: y, r, class: `destination ring-${ring}`}));
+    const anchor = x < SIDE ? "start" : x > WIDTH - SIDE ? "end" : "middle";
+    const [across, above] = [{start: x - 12, end: x + 12, middle: x}[anchor], y < 60 ? y + 30 : y - 20];
+    return [...mark, shape("text", {x: across, y: above, "text-anchor": anchor}, nameOf(station_id))];
   });
 }
 
-function droneMark({position, heading_deg}, project) {
-  const [x, y] = project(position);
-  const turn = `translate(${x} ${y}) rotate(${heading_deg ?? 0})`;
-  const mark = shape("path", {d: "M0 -11 L8 9 L0 4 L-8 9 Z", class: "drone", transform: turn});
-  mark.append(shape("title", {}, "The drone"));
-  return mark;
+function droneMark({isOld}) {
+  return shape("g", {class: isOld ? "drone old" : "drone"},
+    shape("circle", {r: 16, class: "halo"}),
+    shape("g", {class: "body"},
+      shape("path", {d: ARMS}), ...ROTORS.map(([cx, cy]) => shape("circle", {cx, cy, r: 3.6})),
+      shape("path", {d: NOSE, class: "nose"})),
+    shape("title", {}, WORDS.drone));
 }
 
-export function drawWay(svg, {flights, places}, drones, nameOf) {
-  const positions = [...places.map(({position}) => position), ...drones.map(({position}) => position)];
-  svg.toggleAttribute("hidden", places.length === 0);
-  if (places.length === 0) return;
-  const project = projection(positions);
-  svg.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
-  svg.replaceChildren(
-    ...flightLines(flights, drones, project),
-    ...placeMarks(places, project, nameOf),
-    ...drones.map((drone) => droneMark(drone, project)),
-  );
+export class WayMap {
+  #svg;
+  #project = null;
+  #marks = [];
+  // The flight that is under way: what was flown of it, and what is to come.
+  #current = null;
+
+  constructor(svg) {
+    this.#svg = svg;
+    svg.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
+  }
+
+  // Draws everything; `drones` are {position, heading_deg, isOld}.
+  draw({flights, places}, drones, nameOf) {
+    const all = [...places.map(({position}) => position), ...drones.map(({position}) => position)];
+    const {project, metres} = projection(all);
+    this.#project = project;
+    this.#current = null;
+    this.#marks = drones.map(droneMark);
+    this.#svg.replaceChildren(
+      ...flights.flatMap((flight) => this.#lines(flight, drones)),
+      ...placeMarks(places, project, nameOf),
+      scaleBar(metres),
+      ...this.#marks,
+    );
+    this.move(drones);
+  }
+
+  #lines({status, from_position, to_position}, drones) {
+    const [from, to] = [this.#project(from_position), this.#project(to_position)];
+    if (status === "FLOWN") return [line(from, to, "flown")];
+    if (status === "PLANNED" || drones.length !== 1) return [line(from, to, "planned")];
+    this.#current = [line(from, from, "flown"), line(from, to, "planned")];
+    return this.#current;
+  }
+
+  // Moves the same drones to their present places.
+  move(drones) {
+    drones.forEach(({position, heading_deg: heading}, number) => {
+      const [x, y] = this.#project(position);
+      const mark = this.#marks[number];
+      mark?.setAttribute("transform", `translate(${x} ${y})`);
+      mark?.querySelector(".body").setAttribute("transform", `rotate(${heading ?? 0})`);
+      this.#current?.[0].setAttribute("x2", x);
+      this.#current?.[0].setAttribute("y2", y);
+      this.#current?.[1].setAttribute("x1", x);
+      this.#current?.[1].setAttribute("y1", y);
+    });
+  }
 }

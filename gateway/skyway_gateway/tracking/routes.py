@@ -106,7 +106,12 @@ _PAGE_HEADERS: Final = {
 _ASSETS: Final = {
     "tracking.css": "text/css",
     "tracking.js": "text/javascript",
+    "glide.js": "text/javascript",
+    "moments.js": "text/javascript",
+    "packages.js": "text/javascript",
     "proofs.js": "text/javascript",
+    "said.js": "text/javascript",
+    "walk.js": "text/javascript",
     "way_map.js": "text/javascript",
     "words.js": "text/javascript",
 }

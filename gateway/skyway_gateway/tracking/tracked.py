@@ -7,13 +7,14 @@ from typing import Annotated, Final, Literal
 from pydantic import Field
 
 from skyway.contracts.message import FleetMoment
-from skyway.contracts.track import Track, TrackedStep
+from skyway.contracts.track import Track, TrackedMission, TrackedStep
 from skyway.geo import Position
 from skyway.ids import MissionId, PackageId, StationId
 from skyway.json_model import JsonModel
 from skyway_gateway.deliveries.lifecycle.delivery import (
     ON_BOARD_STATES,
     TERMINAL_STATES,
+    Activity,
     Delivery,
     PackageState,
     PackageStatus,
@@ -48,10 +49,14 @@ class TrackedPackage(JsonModel):
     eta_at: FleetMoment | None
     #: Nine of ten packages come by then. Until that is known: the latest time without a new plan.
     eta_until_at: FleetMoment | None
+    #: Whether nine of ten come by `eta_until_at`.
+    is_p90: bool
     promised_at: FleetMoment | None
     #: The promise from which lateness counts.
     due_at: FleetMoment | None
     delivered_at: FleetMoment | None
+    #: Why it is not delivered, for programs: the words of it may name drones and people.
+    code: str | None
     proof_station_id: StationId | None
     #: Where the drone stood, and what it measured, when it handed the package over.
     proof_position: Position | None
@@ -99,6 +104,13 @@ class TrackedDelivery(JsonModel):
     is_shared: Annotated[
         bool, Field(description="whether the drone carries packages of other deliveries too")
     ]
+    #: What the drone does now; null before the start and after the end.
+    activity: Activity | None
+    requested_at: FleetMoment
+    #: When the first packages are on board, as planned or as it was; null before there is a plan.
+    loaded_at: FleetMoment | None
+    #: While it waits: when the first drone is free, if that is known.
+    drone_free_at: FleetMoment | None
     #: Where the sender hands the packages over, if it is not the pickup that was asked for.
     other_pickup_id: StationId | None
     now: FleetMoment
@@ -135,6 +147,10 @@ def tracked(
         is_delayed=delivery.flags.delayed,
         is_replanning=delivery.flags.replanning,
         is_waiting=delivery.is_queued,
+        activity=delivery.activity,
+        requested_at=delivery.created_at,
+        loaded_at=_loaded_at(track),
+        drone_free_at=None if delivery.waiting is None else delivery.waiting.earliest_start_at,
         other_pickup_id=(
             None if delivery.pickup == delivery.request.pickup else delivery.pickup.station_id
         ),
@@ -158,7 +174,7 @@ def tracked(
                 to_position=step.to_position,
             )
             for mission in track.missions
-            for step in mission.steps
+            for step in _steps_with_packages(mission)
             if step.kind == "FLY"
         ),
         places=tuple(_places(delivery, track)),
@@ -190,9 +206,11 @@ def _package(
         station_id=package.destination.station_id,
         eta_at=package.eta_at,
         eta_until_at=package.eta_p90_at or tolerated_at,
+        is_p90=package.eta_p90_at is not None,
         promised_at=package.promised_at,
         due_at=package.due_at,
         delivered_at=package.delivered_at,
+        code=package.code,
         proof_station_id=None if proof is None else proof.station_id,
         proof_position=None if proof is None else proof.position,
         proof_mass_kg=None if proof is None else proof.mass_kg,
@@ -204,6 +222,18 @@ def _package(
         ),
         dropoff_proof=asked_proof,
     )
+
+
+def _steps_with_packages(mission: TrackedMission) -> tuple[TrackedStep, ...]:
+    """The steps from the first loading on; where the drone comes from is not shown."""
+    kinds = [step.kind for step in mission.steps]
+    return mission.steps[kinds.index("PICK_UP") :] if "PICK_UP" in kinds else mission.steps
+
+
+def _loaded_at(track: Track) -> datetime | None:
+    """When the first loading ends."""
+    loadings = (step for mission in track.missions for step in mission.steps)
+    return min((step.end_at for step in loadings if step.kind == "PICK_UP"), default=None)
 
 
 def _status_of(step: TrackedStep) -> Literal["FLOWN", "UNDER_WAY", "PLANNED"]:
@@ -221,7 +251,9 @@ def _places(delivery: Delivery, track: Track) -> Iterator[TrackedPlace]:
     pickup_id = delivery.pickup.station_id
     destinations = {package.destination.station_id for package in delivery.packages}
     positions = {
-        step.station_id: step.to_position for mission in track.missions for step in mission.steps
+        step.station_id: step.to_position
+        for mission in track.missions
+        for step in _steps_with_packages(mission)
     }
     for station_id, position in positions.items():
         role: Literal["PICKUP", "DESTINATION", "STOP"] = "STOP"

@@ -1,6 +1,6 @@
-"""The providers of the demo and of the small world, with their fleets on the bundled network."""
+"""The demo's providers with their fleets on the bundled network, and how a fleet is registered."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -41,15 +41,25 @@ class RegisteredFleet:
     drones: list[dict[str, Any]]
 
 
+def numbered(provider: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """The drones of one of `PROVIDERS`: the first word of its name with a number, and the home."""
+    word = provider["name"].split()[0]
+    for number, home in enumerate(provider["homes"], start=1):
+        yield f"{word} {number}", home
+
+
 async def register_fleet(
     api: GatewayApi,
     operator_key: str,
     provider: Mapping[str, Any],
     *,
     model_id: str,
+    drones: Iterable[tuple[str, str]],
     loading: str = "AUTOMATIC",
 ) -> RegisteredFleet:
-    """Register one of `PROVIDERS` and its drones; `loading` is who says that a drone is loaded.
+    """Register a provider and its drones, each a name with its home station.
+
+    `loading` is who says that a drone is loaded.
 
     Raises
     ------
@@ -59,12 +69,8 @@ async def register_fleet(
     terms = {"name": provider["name"], "tariff": provider["tariff"], "loading": loading}
     answer = await api.call("POST", "/v1/providers", key=operator_key, body=terms)
     provider_id = answer["provider_id"]
-    word = provider["name"].split()[0]
     own = FleetKeys(
-        [
-            {"model_id": model_id, "home_station_id": home, "name": f"{word} {number}"}
-            for number, home in enumerate(provider["homes"], start=1)
-        ]
+        [{"model_id": model_id, "home_station_id": home, "name": name} for name, home in drones]
     )
     path = f"/v1/providers/{provider_id}/drones"
     registered = await api.call("POST", path, key=operator_key, body=own.bodies)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Never
 
-from skyway.cli.demo.fleets import COURIER, NETWORK_ID, PROVIDERS, register_fleet
+from skyway.cli.demo.fleets import COURIER, NETWORK_ID, PROVIDERS, numbered, register_fleet
 from skyway.cli.gateway import GatewayApi
 from skyway.drone.models import PAPER_SCENARIO
 from skyway.errors import SkywayError
@@ -97,7 +97,12 @@ async def register(api: GatewayApi, operator_key: str, *, folder: Path) -> World
     for provider in PROVIDERS:
         # Its loaders weigh the packages; in the demo they are simulated.
         fleet = await register_fleet(
-            api, operator_key, provider, model_id=PAPER_SCENARIO.model_id, loading="CONFIRMED"
+            api,
+            operator_key,
+            provider,
+            model_id=PAPER_SCENARIO.model_id,
+            drones=numbered(provider),
+            loading="CONFIRMED",
         )
         names[fleet.provider_id] = provider["name"]
         drones += fleet.drones

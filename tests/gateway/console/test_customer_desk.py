@@ -1,5 +1,6 @@
 """The customer's desk: a request by address or by a click on the map, people, and terms."""
 
+from copy import deepcopy
 from typing import Any
 from urllib.parse import parse_qs
 
@@ -108,6 +109,7 @@ def test_a_package_is_ordered_with_its_proof(page: Page) -> None:
     page.get_by_role("combobox", name="To", exact=True).select_option("b")
 
     plain = asked_body(page, "Ask for offers", "/v1/quotes")
+    page.get_by_text("More wishes").click()
     page.get_by_label("Proof of the hand-over").select_option("PIN")
     proven = asked_body(page, "Ask for offers", "/v1/quotes")
 
@@ -158,6 +160,7 @@ def test_coordinates_and_plus_codes_are_asked_as_such(stage: StagedPage, page: P
 def test_an_offer_shows_its_walk_and_terms_and_is_taken_with_the_people(page: Page) -> None:
     page.get_by_role("combobox", name="Pickup").select_option("a")
     choose_address(page, "Deliver here")
+    page.get_by_text("Who takes the packages (optional)").first.click()
     page.get_by_label("Name of the recipient").fill("Ana Ruiz")
     page.get_by_label("Phone").fill("+15125550100")
     page.get_by_label("Instructions").fill("Ring at the blue door.")
@@ -165,7 +168,7 @@ def test_an_offer_shows_its_walk_and_terms_and_is_taken_with_the_people(page: Pa
     quoted = asked_body(page, "Ask for offers", "/v1/quotes")
 
     assert "recipient" not in quoted
-    offers = page.get_by_role("table", name="Offers")
+    offers = page.get_by_role("list", name="Offers")
     expect(offers).to_contain_text("Hand-over at B, 320 m in a straight line")
     expect(offers).to_contain_text("Cancellation: 20 % of the price once booked, 80 % after")
     expect(offers).to_contain_text("10 % if more than 15 min late")
@@ -176,6 +179,62 @@ def test_an_offer_shows_its_walk_and_terms_and_is_taken_with_the_people(page: Pa
         "recipient": {"name": "Ana Ruiz", "phone": "+15125550100"},
         "instructions": "Ring at the blue door.",
     }
+
+
+def test_the_pickup_of_the_last_delivery_is_suggested_unless_one_is_chosen(
+    stage: StagedPage, page: Page
+) -> None:
+    stage.answers["/v1/deliveries"] = {"items": [{"pickup": {"station_id": "b"}}]}
+    page.reload()
+
+    pickup = page.get_by_role("combobox", name="Pickup")
+    expect(pickup).to_have_value("b")
+    pickup.select_option("a")
+    page.get_by_role("button", name="Begin again").click()
+    expect(pickup).to_have_value("")
+
+
+def test_a_station_is_found_by_a_part_of_its_name(stage: StagedPage, page: Page) -> None:
+    named = deepcopy(TWO_STATIONS)
+    named["features"][1]["properties"]["name"] = "Beta Square"
+    stage.answers["/v1/networks/n"] = named
+    page.reload()
+    page.get_by_role("combobox", name="Pickup").select_option("a")
+    search = page.get_by_label("Address, plus code")
+    search.fill("b")
+    expect(page.get_by_role("list", name="Stations")).to_have_count(0)
+    search.fill("squ")
+    expect(page.get_by_role("button", name="Deliver to Beta Square")).to_be_visible()
+
+    search.press("Enter")
+
+    expect(page.get_by_role("combobox", name="To", exact=True)).to_have_value("b")
+    expect(search).to_have_value("")
+
+
+def test_busy_drones_say_how_long_the_wait_probably_is(stage: StagedPage, page: Page) -> None:
+    reason = {"provider_id": None, "code": "BUSY", "detail": "busy", "is_temporary": True}
+    free = {"data": {"free_at": "2026-03-01T12:20:00Z"}}
+    stage.answers["/v1/quotes"] = quote(offers=[], infeasible=[reason | free])
+    stage.answers["/v1/networks/n/status"] = {
+        "status": "DEGRADED",
+        "restrictions": [{"code": "NO_IDLE_DRONES", "detail": "all are busy", "until": None}],
+        "more_restrictions": 0,
+    }
+    page.reload()
+    page.get_by_role("combobox", name="Pickup").select_option("a")
+    page.get_by_role("combobox", name="To", exact=True).select_option("b")
+    status = page.get_by_role("status", name="Service status")
+    expect(status).to_contain_text("the next free drone flies your delivery")
+    expect(status).not_to_contain_text("restricted")
+
+    page.get_by_role("button", name="Ask for offers").click()
+
+    answer = page.get_by_role("region", name="Answer")
+    expect(answer).to_contain_text("All drones are busy just now")
+    expect(answer).to_contain_text("free in 20 min")
+    body = asked_body(page, "Order it all the same", "/v1/deliveries")
+    assert body["packages"][0]["destination"] == {"station_id": "b"}
 
 
 def test_a_place_without_a_station_near_is_said(stage: StagedPage, page: Page) -> None:
@@ -197,6 +256,7 @@ def test_the_form_fits_a_phone_with_targets_for_a_thumb(page: Page, width: int) 
     page.get_by_role("combobox", name="To", exact=True).select_option("b")
     page.get_by_role("button", name="Ask for offers").click()
     expect(page.get_by_role("button", name="Take the offer")).to_be_in_viewport(ratio=1)
+    page.evaluate("document.querySelectorAll('details').forEach((each) => (each.open = true))")
     small = page.evaluate(
         """[...document.querySelectorAll(".request-view button, .request-view select,"
             + " .request-view input:not([type=checkbox])")]

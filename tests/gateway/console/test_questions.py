@@ -71,6 +71,7 @@ def test_a_customer_asks_for_a_shared_trip(two_stations: StagedPage) -> None:
     page = two_stations.open("/console#/new").page
     page.get_by_role("combobox", name="Pickup").select_option("a")
     page.get_by_role("combobox", name="To", exact=True).select_option("b")
+    page.get_by_text("More wishes").click()
     page.get_by_label("Share the trip").check()
     page.get_by_label("Wait for others, minutes").fill("15")
     page.get_by_label("Farthest other station where I can hand over, metres").fill("900")

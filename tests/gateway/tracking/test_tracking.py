@@ -42,7 +42,7 @@ async def test_the_page_needs_no_key_and_forbids_all_but_its_own_files(gateway: 
     assert "unsafe" not in page.headers["content-security-policy"]
     assert page.headers["x-robots-tag"] == "noindex, nofollow"
     assert page.headers["referrer-policy"] == "no-referrer"
-    for name in ("tracking.js", "tracking.css", "way_map.js"):
+    for name in ("tracking.js", "tracking.css", "way_map.js", "said.js", "glide.js", "walk.js"):
         assert (await gateway.http.get(f"/track/assets/{name}")).status_code == 200
     assert (await gateway.http.get("/track/assets/__init__.py")).status_code == 404
 

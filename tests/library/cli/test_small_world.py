@@ -5,7 +5,7 @@ from pathlib import Path
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.demo.fleets import RegisteredFleet
 from skyway.cli.gateway import read_keys
-from skyway.cli.small_world import Inhabitants
+from skyway.cli.small_world.living import Inhabitants
 from skyway.cli.system.secrets import keep_provider_key, make_secrets, write_keys_file
 
 ADDRESSES = ("http://127.0.0.1:8000", "mqtt://127.0.0.1:1883")

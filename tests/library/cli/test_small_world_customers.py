@@ -8,7 +8,9 @@ from typing import Any
 import pytest
 
 from skyway.cli.gateway import GatewayApi
-from skyway.cli.small_world import LEAST_IDLE, MOST_OPEN, Customers, RequestDraw
+from skyway.cli.small_world.customers import LEAST_IDLE, MOST_OPEN, Customers
+from skyway.cli.small_world.requests import RequestDraw
+from skyway.cli.small_world.shops import OWN_SHOP, SHOPS, Shop
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import SkywayError
 from skyway.geo import distance_m
@@ -25,7 +27,11 @@ def network() -> Network:
 
 def drawn(network: Network, *, seed: int, number: int = 200) -> list[DeliveryRequest]:
     draw = RequestDraw(network, Random(seed))
-    return [DeliveryRequest.model_validate(draw.draw(NOW)) for _ in range(number)]
+    shops = (OWN_SHOP, *SHOPS.values())
+    return [
+        DeliveryRequest.model_validate(draw.draw(NOW, shops[turn % len(shops)]))
+        for turn in range(number)
+    ]
 
 
 def test_packages_go_to_stations_that_are_neither_here_nor_far(network: Network) -> None:
@@ -41,7 +47,7 @@ def test_packages_go_to_stations_that_are_neither_here_nor_far(network: Network)
     ]
 
     assert min(away_m) >= 6_000
-    assert max(away_m) <= 20_000
+    assert max(away_m) <= 16_000
 
 
 def test_what_customers_ask_for_varies(network: Network) -> None:
@@ -50,7 +56,7 @@ def test_what_customers_ask_for_varies(network: Network) -> None:
     assert {request.qos.objective for request in requests} == {"FASTEST", "CHEAPEST", "GREENEST"}
     assert {request.qos.priority for request in requests} == {"PRIORITY", "STANDARD"}
     assert {request.qos.deadline_at is None for request in requests} == {True, False}
-    assert {len(request.packages) for request in requests} == {1, 2, 3}
+    assert {len(request.packages) for request in requests} == {1, 2}
     assert all(one != other for one, other in pairwise(requests))
 
 
@@ -65,6 +71,7 @@ class FakeGateway(GatewayApi):
         super().__init__("http://gateway")
         self.states: dict[str, str] = {}
         self.owners: list[str] = []
+        self.bodies: list[Any] = []
         self.trouble: SkywayError | None = None
         self.idle = LEAST_IDLE
 
@@ -79,6 +86,7 @@ class FakeGateway(GatewayApi):
         if method == "POST":
             delivery_id = f"dlv_{len(self.states)}"
             self.states[delivery_id] = "REQUESTED"
+            self.bodies.append(body)
             self.owners.append(key)
             return {"delivery_id": delivery_id}
         if path.startswith("/v1/deliveries?"):
@@ -92,8 +100,8 @@ class OneRequest(RequestDraw):
     def __init__(self) -> None:
         pass
 
-    def draw(self, now: object) -> dict[str, Any]:
-        return {}
+    def draw(self, now: object, shop: Shop) -> dict[str, Any]:
+        return {"shop": shop.name}
 
 
 @pytest.fixture
@@ -103,7 +111,14 @@ def gateway() -> FakeGateway:
 
 def customers(gateway: FakeGateway, said: list[str] | None = None) -> Customers:
     say = ([] if said is None else said).append
-    return Customers(gateway, ("sk_a", "sk_b"), OneRequest(), operator_key="sk_operator", say=say)
+    return Customers(
+        gateway,
+        {"sk_a": OWN_SHOP, "sk_b": SHOPS["river-books"]},
+        OneRequest(),
+        chance=Random(1),
+        operator_key="sk_operator",
+        say=say,
+    )
 
 
 async def test_customers_take_turns(gateway: FakeGateway) -> None:
@@ -112,6 +127,8 @@ async def test_customers_take_turns(gateway: FakeGateway) -> None:
         await both.step()
 
     assert gateway.owners == ["sk_a", "sk_b", "sk_a", "sk_b"]
+    assert [body["shop"] for body in gateway.bodies[:2]] == ["The Corner Shop", "River Books"]
+    assert all(" " in body["recipient"]["name"] for body in gateway.bodies)
 
 
 async def test_never_more_deliveries_than_the_bound_are_open(gateway: FakeGateway) -> None:

@@ -10,7 +10,7 @@ export function ContactFields() {
   const needsName = contact.phone !== "" || contact.email !== "";
   return html`
     <fieldset class="contact">
-      <legend>${WORDS.contact.title}</legend>
+      <legend class="unseen">${WORDS.contact.title}</legend>
       <label>${WORDS.contact.name}<input maxlength="100" autocomplete="off" required=${needsName}
         value=${contact.name} onInput=${set("name")} /></label>
       <label>${WORDS.contact.phone}<input type="tel" maxlength="16" pattern="[+][1-9][0-9]{6,14}" autocomplete="off"

@@ -21,4 +21,4 @@ const walksOf = (offer, {places = [], request}) => places.flatMap(({fields, serv
 
 export const OfferNotes = ({offer, quote}) =>
   [...walksOf(offer, quote), ...(offer.tariff ? termsText(offer.tariff.payment_terms) : [])]
-    .map((line) => html`<br /><small>${line}</small>`);
+    .map((line) => html`<p>${line}</p>`);

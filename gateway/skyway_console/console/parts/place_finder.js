@@ -54,33 +54,57 @@ function pick(place, isPickup) {
   else choose(place.station.station_id, place, {isDestination: true});
 }
 
+// The stations whose names hold what is typed; so many are offered.
+const MOST_STATIONS = 4;
+
+function stationsLike(typed, network) {
+  const searched = typed.trim().toLowerCase();
+  if (searched.length < 2) return [];
+  return stationsOf(network).map(({properties}) => properties.station_id)
+    .filter((id) => stationName(id).toLowerCase().includes(searched)).slice(0, MOST_STATIONS);
+}
+
+function deliverTo(stationId) {
+  found.value = null;
+  text.value = "";
+  choose(stationId, null, {isDestination: true});
+}
+
 const Candidate = ({place}) => html`
   <li><strong>${place.label}</strong><br /><small>${walkText(place.station)}</small>
     <div class="commands">
+      <button type="button" class="main" onClick=${() => pick(place, false)}>${WORDS_HERE.deliver}</button>
       <button type="button" onClick=${() => pick(place, true)}>${WORDS_HERE.pickUp}</button>
-      <button type="button" onClick=${() => pick(place, false)}>${WORDS_HERE.deliver}</button>
     </div></li>`;
 
 export function PlaceFinder({network}) {
+  const stations = stationsLike(text.value, network);
   const find = (event) => {
     event.preventDefault();
-    attempt(async () => (found.value = await placesOf(queryOf(text.value), network)));
+    if (stations.length === 1) deliverTo(stations[0]);
+    else attempt(async () => (found.value = await placesOf(queryOf(text.value), network)));
   };
   return html`
     <form class="fields finder" aria-label=${WORDS_HERE.title} onSubmit=${find}>
-      <label>${WORDS_HERE.query}<input required minlength="2" maxlength="300" value=${text.value}
+      <label>${WORDS_HERE.query}<input type="search" required minlength="2" maxlength="300" value=${text.value}
         placeholder=${WORDS_HERE.example} onInput=${({target}) => (text.value = target.value)} /></label>
-      <label>${WORDS_HERE.walk}<input required type="number" min="1" max=${MOST_WALK_M} step="any"
-        value=${draft.value.walkM} onInput=${({target}) => change({walkM: target.value})} /></label>
       <button>${WORDS_HERE.find}</button>
     </form>
     <div aria-live="polite">
+      ${stations.length > 0 && html`<ul class="found stations" aria-label=${WORDS_HERE.stations}>
+        ${stations.map((id) => html`<li key=${id}><button type="button" onClick=${() => deliverTo(id)}>
+          ${WORDS_HERE.deliverTo(stationName(id))}</button></li>`)}
+      </ul>`}
       ${found.value?.length === 0 && html`<p class="hint">${WORDS_HERE.nothing}</p>`}
       ${found.value?.length > 0 && html`<ul class="found" aria-label="Places">
         ${found.value.map((place) => html`<${Candidate} key=${place.label + place.position} place=${place} />`)}
       </ul>`}
     </div>`;
 }
+
+export const WalkLimit = () => html`
+  <label>${WORDS_HERE.walk}<input required type="number" min="1" max=${MOST_WALK_M} step="any"
+    value=${draft.value.walkM} onInput=${({target}) => change({walkM: target.value})} /></label>`;
 
 export const ChosenPlace = ({place}) => place && html`
   <small class="chosen-place">${WORDS_HERE.chosen(place.label, walkText(place.station))}</small>`;

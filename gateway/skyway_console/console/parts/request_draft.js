@@ -5,7 +5,7 @@ import {signal} from "@preact/signals";
 export const OBJECTIVES = ["FASTEST", "CHEAPEST", "GREENEST"];
 export const MOST_PACKAGES = 100;
 
-const newPackage = (number) => ({package_id: `p${number}`, mass_kg: "0.5", station_id: "", place: null, proof: ""});
+const newPackage = (number) => ({package_id: `p${number}`, mass_kg: "1", station_id: "", place: null, proof: ""});
 const nobody = () => ({name: "", phone: "", email: "", instructions: ""});
 // A place is {label, position, station} of what is no station; its station stands beside it.
 const nothing = () => ({pickup: "", pickupPlace: null, walkM: "1000", contact: nobody(), packages: [newPackage(1)], objective: "FASTEST", reference: "",
@@ -39,6 +39,9 @@ export function addPackage(stationId = "", place = null) {
 
 export const removePackage = (number) =>
   change({packages: draft.value.packages.filter((_, n) => n !== number)});
+
+// A pickup that nobody chose: where the last delivery began.
+export const suggestPickup = (stationId) => draft.value.pickup === "" && change({pickup: stationId});
 
 // The pickup first, then one destination after the other.
 export function choose(stationId, place = null, {isDestination = false} = {}) {

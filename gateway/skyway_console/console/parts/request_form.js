@@ -4,7 +4,7 @@ import {WORDS} from "../desk_words.js";
 import {html} from "../html.js";
 import {inWords, stationName} from "../words.js";
 import {ContactFields} from "./contact_fields.js";
-import {ChosenPlace} from "./place_finder.js";
+import {ChosenPlace, WalkLimit} from "./place_finder.js";
 import {MOST_PACKAGES, OBJECTIVES, addPackage, beginAgain, change, changePackage, draft, removePackage}
   from "./request_draft.js";
 
@@ -18,27 +18,33 @@ function PackageRow({each, number, stations, isOnly}) {
   return html`
     <fieldset class="package">
       <legend>Package ${number + 1}</legend>
+      <label class="wide">To<select required value=${each.station_id}
+        onChange=${({target}) => changePackage(number, {station_id: target.value, place: null})}>
+        ${stationOptions(stations, "Choose a station")}
+      </select></label>
+      <${ChosenPlace} place=${each.place} />
+      <label>Mass in kg<input required type="number" min="0.001" max="1000" step="any" inputmode="decimal"
+        value=${each.mass_kg} onInput=${set("mass_kg")} /></label>
       <label>Id<input required maxlength="64" pattern="[A-Za-z0-9_\\-]+" value=${each.package_id}
         title="Letters, digits, _ and -" onInput=${set("package_id")} /></label>
-      <label>Mass in kg<input required type="number" min="0.001" max="1000" step="any"
-        value=${each.mass_kg} onInput=${set("mass_kg")} /></label>
-      <label>To<select required value=${each.station_id} 
-        onChange=${({target}) => changePackage(number, {station_id: target.value, place: null})}>
-        ${stationOptions(stations, "Station…")}
-      </select></label>
-      <button type="button" class="quiet small" disabled=${isOnly} aria-label=${`Remove package ${number + 1}`}
-        onClick=${() => removePackage(number)}>✕</button>
-      <${ChosenPlace} place=${each.place} />
-      <label class="wide">${WORDS.proof.title}<select value=${each.proof} onChange=${set("proof")}>
-        ${Object.entries(WORDS.proof.methods).map(([method, text]) => html`<option value=${method}>${text}</option>`)}
-      </select></label>
+      ${!isOnly && html`<button type="button" class="quiet small" aria-label=${`Remove package ${number + 1}`}
+        onClick=${() => removePackage(number)}>✕</button>`}
     </fieldset>`;
 }
 
+const ProofChoice = ({each, number, isOnly}) => html`
+  <label>${WORDS.proof.title}${isOnly ? "" : `, package ${number + 1}`}<select value=${each.proof}
+    onChange=${({target}) => changePackage(number, {proof: target.value})}>
+    ${Object.entries(WORDS.proof.methods).map(([method, text]) => html`<option value=${method}>${text}</option>`)}
+  </select></label>`;
+
 function Wishes() {
-  const {objective, reference, latest, isHeld, mayShare, waitMinutes, withinM} = draft.value;
+  const {packages, objective, reference, latest, isHeld, mayShare, waitMinutes, withinM} = draft.value;
   return html`
     <div class="fields">
+      ${packages.map((each, number) => html`<${ProofChoice} key=${number} each=${each} number=${number}
+        isOnly=${packages.length === 1} />`)}
+      <${WalkLimit} />
       <label>Best is the<select value=${objective} onChange=${({target}) => change({objective: target.value})}>
         ${OBJECTIVES.map((each) => html`<option value=${each}>${inWords(each)}</option>`)}
       </select></label>
@@ -68,20 +74,20 @@ export function RequestForm({stations, isBusy, onAsk, onRequest}) {
   };
   return html`
     <form class="request" aria-label="Request" onSubmit=${ask}>
-      <label>Pickup<select required value=${pickup} 
+      ${packages.map((each, number) => html`
+        <${PackageRow} key=${number} each=${each} number=${number} stations=${stations}
+          isOnly=${packages.length === 1} />`)}
+      <button type="button" class="quiet add" disabled=${packages.length >= MOST_PACKAGES}
+        onClick=${() => addPackage()}>Add a package</button>
+      <label>Pickup<select required value=${pickup}
         onChange=${({target}) => change({pickup: target.value, pickupPlace: null})}>
         ${stationOptions(stations, "Choose a station")}
       </select></label>
       <${ChosenPlace} place=${pickupPlace} />
-      ${packages.map((each, number) => html`
-        <${PackageRow} key=${number} each=${each} number=${number} stations=${stations}
-          isOnly=${packages.length === 1} />`)}
-      <button type="button" class="quiet" disabled=${packages.length >= MOST_PACKAGES}
-        onClick=${() => addPackage()}>Add a package</button>
-      <${ContactFields} />
-      <${Wishes} />
+      <details class="more"><summary>${WORDS.contact.title}</summary><${ContactFields} /></details>
+      <details class="more"><summary>${WORDS.request.more}</summary><${Wishes} /></details>
       <div class="commands">
-        <button class="main" disabled=${isBusy}>${isBusy ? "Asking…" : "Ask for offers"}</button>
+        <button class="main" disabled=${isBusy}>${isBusy ? WORDS.request.asking : WORDS.request.ask}</button>
         ${mayShare && html`<button value="request" class="quiet" disabled=${isBusy}
           title="An offer keeps its own drone. Without one, your packages can join a trip of others.">
           Request it without an offer</button>`}

@@ -17,17 +17,24 @@ const TITLES = {
 
 const untilText = ({until}) => (until ? ` (ends ${distanceText(until)})` : "");
 
+const BUSY_TEXT = "All drones are busy or charging just now. Ask for offers all the same: each says when its drone "
+  + "comes, and without an offer the next free drone flies your delivery.";
+
+const restrictionText = (each) => (each.code === "NO_IDLE_DRONES" ? BUSY_TEXT : `${each.detail}${untilText(each)}`);
+
 export function ServiceStatus({networkId}) {
   const {answer: status} = usePolledPath(`/v1/networks/${part(networkId)}/status`, ASK_EVERY_MS);
   if (status === null || status.status === "OPEN") return null;
   const {restrictions, more_restrictions: further} = status;
+  const isOnlyBusy = restrictions.every(({code}) => code === "NO_IDLE_DRONES");
   const hidden = Math.max(0, restrictions.length - SHOWN) + further;
   return html`
     <div class="service-status ${status.status.toLowerCase()}" role="status" aria-label="Service status">
-      <p>${TITLES[status.status]}</p>
-      <ul>
-        ${restrictions.slice(0, SHOWN).map((each) => html`<li>${each.detail}${untilText(each)}</li>`)}
-        ${hidden > 0 && html`<li>and ${hidden} more</li>`}
-      </ul>
+      ${isOnlyBusy ? html`<p>${BUSY_TEXT}</p>` : html`
+        <p>${TITLES[status.status]}</p>
+        <ul>
+          ${restrictions.slice(0, SHOWN).map((each) => html`<li>${restrictionText(each)}</li>`)}
+          ${hidden > 0 && html`<li>and ${hidden} more</li>`}
+        </ul>`}
     </div>`;
 }

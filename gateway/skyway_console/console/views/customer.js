@@ -2,16 +2,17 @@
 
 import {useEffect, useState} from "preact/hooks";
 
-import {all, post} from "../api.js";
+import {all, get, post} from "../api.js";
+import {WORDS} from "../desk_words.js";
 import {html} from "../html.js";
 import {stationsOf} from "../map/features.js";
 import {listNetworks, networkContent, networks, showNetwork, shownNetwork} from "../networks.js";
 import {openView} from "../routes.js";
 import {stationName} from "../words.js";
 import {attempt} from "../parts/messages.js";
-import {OfferTable} from "../parts/offer_table.js";
+import {OfferCards} from "../parts/offer_cards.js";
 import {PlaceFinder} from "../parts/place_finder.js";
-import {beginAgain, people, quoteRequest} from "../parts/request_draft.js";
+import {beginAgain, people, quoteRequest, suggestPickup} from "../parts/request_draft.js";
 import {RequestForm} from "../parts/request_form.js";
 import {RequestMap} from "../parts/request_map.js";
 import {ServiceStatus} from "../parts/service_status.js";
@@ -41,6 +42,17 @@ function useNames() {
   return names;
 }
 
+// A shop sends from the same place as last time, as a rule.
+function usePickup(network) {
+  useEffect(() => {
+    if (!network) return;
+    const known = new Set(stationsOf(network).map(({properties}) => properties.station_id));
+    get("/v1/deliveries?limit=1").then(({items: [last]}) => {
+      if (last && known.has(last.pickup.station_id)) suggestPickup(last.pickup.station_id);
+    }, () => null);
+  }, [network]);
+}
+
 const named = (network) => stationsOf(network)
   .map(({properties}) => properties)
   .sort((one, other) => one.station_id.localeCompare(other.station_id));
@@ -58,6 +70,7 @@ const NetworkChoice = () => html`
 export function CustomerView() {
   const {network, problem} = useNetwork();
   const names = useNames();
+  usePickup(network);
   const [quote, setQuote] = useState(null);
   const [refused, setRefused] = useState("");
   const [isBusy, setBusy] = useState(false);
@@ -86,16 +99,15 @@ export function CustomerView() {
 
   if (!network) {
     const hint = networks.value?.length === 0 ? "There are no stations yet." : "Reading the stations…";
-    return html`<div class="page"><h1>New delivery</h1><p>${problem || hint}</p></div>`;
+    return html`<div class="page"><h1>${WORDS.request.title}</h1><p>${problem || hint}</p></div>`;
   }
   return html`
     <div class="page">
-      <h1>New delivery</h1>
+      <h1>${WORDS.request.title}</h1>
       <div class="request-view">
         <div>
-          <p class="hint">Click stations or other places on the map: the pickup first, then each destination. Or
-            find and choose them here.</p>
-          ${networks.value?.length > 0 && html`<${NetworkChoice} />`}
+          <p class="hint">${WORDS.request.hint}</p>
+          ${networks.value?.length > 1 && html`<${NetworkChoice} />`}
           <${ServiceStatus} networkId=${shownNetwork.value} />
           <${PlaceFinder} network=${network} />
           <${RequestForm} stations=${named(network)} isBusy=${isBusy} onAsk=${ask} onRequest=${request} />
@@ -103,6 +115,6 @@ export function CustomerView() {
         <div class="map-frame"><${RequestMap} network=${network} /></div>
       </div>
       ${refused && html`<p class="refused" role="alert">${refused}</p>`}
-      ${quote && html`<${OfferTable} key=${quote.quote_id} quote=${quote} names=${names} />`}
+      ${quote && html`<${OfferCards} key=${quote.quote_id} quote=${quote} names=${names} onRequest=${request} />`}
     </div>`;
 }
