@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 
 import httpx
 from fastapi import FastAPI
-from playwright.sync_api import Browser, Page, Request, Route
+from playwright.sync_api import Browser, BrowserContext, Page, Request, Route
 
 from tests.end_to_end.browser import free_context, rest
 
@@ -71,7 +71,13 @@ window.setVisibility = (next) => {
 class StagedPage:
     """A page whose gateway is `answers`: by path, without the query."""
 
-    def __init__(self, browser: Browser, answers: dict[str, Answer]) -> None:
+    def __init__(
+        self,
+        browser: Browser,
+        answers: dict[str, Answer],
+        *,
+        context: BrowserContext | None = None,
+    ) -> None:
         self.answers: dict[str, Answer] = {
             "/v1/clock": {"now": "2026-03-01T12:00:00Z", "rate": 1.0},
             "/v1/sessions/current": {"subject_id": "ops", "role": "operator"},
@@ -81,7 +87,8 @@ class StagedPage:
         self.asked: list[str] = []
         self.errors: list[str] = []
         self._has_own_clock = False
-        self.page: Page = free_context(browser, timezone_id="UTC").new_page()
+        opened = context or free_context(browser, timezone_id="UTC")
+        self.page: Page = opened.new_page()
         self.page.add_init_script(_STREAMS)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.route("**/*", self._answer)
@@ -157,7 +164,7 @@ class StagedPage:
 
     def _answer(self, route: Route) -> None:
         asked = urlsplit(route.request.url)
-        file = _file(asked.path)
+        file = _page(asked.path) if route.request.is_navigation_request() else _file(asked.path)
         if file is not None and file.is_file():
             content_type = _TYPES.get(file.suffix, "application/octet-stream")
             route.fulfill(body=file.read_bytes(), content_type=content_type)
@@ -175,17 +182,18 @@ class StagedPage:
             route.fulfill(body=json.dumps(answer), content_type="application/json")
 
 
+def _page(path: str) -> Path:
+    """The page of the console or the tracking page with this address."""
+    return _PACKAGE / ("console" if path == "/console" else "tracking") / "index.html"
+
+
 def _file(path: str) -> Path | None:
     """The file of the console or the tracking page with this address."""
-    if path == "/console":
-        return _PACKAGE / "console/index.html"
     if path.startswith("/console/"):
         return _PACKAGE / path.removeprefix("/")
     if path.startswith("/track/assets/"):
         return _PACKAGE / "tracking" / path.removeprefix("/track/assets/")
-    return (
-        _PACKAGE / "tracking/index.html" if path.count("/") == 2 and path[:7] == "/track/" else None
-    )
+    return None
 
 
 def delivery(delivery_id: str, *, packages: Any = (), **members: Any) -> dict[str, Any]:

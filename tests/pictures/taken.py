@@ -1,0 +1,68 @@
+"""Takes a picture of a view of the recorded world.
+
+Texts have the font of the machine. Debian's Chromium brings DejaVu Sans.
+"""
+
+from collections.abc import Callable
+from io import BytesIO
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from PIL import Image
+from playwright.sync_api import Browser, Page
+
+from tests.gateway.console.staged_page import LIVE, StagedPage
+from tests.pictures.recorded_world import RecordedWorld, question
+from tests.pictures.views import VIEWS, Screen
+
+#: How often a page may be looked at until it no longer changes.
+_MOST_LOOKS: Final = 40
+
+
+def _answered(world: RecordedWorld, role: str, path: str) -> Callable[[str], Any]:
+    return lambda query: world.answers[role].get(question(path, query))
+
+
+def _stage(browser: Browser, world: RecordedWorld, role: str, screen: Screen) -> StagedPage:
+    context = browser.new_context(
+        viewport={"width": screen.width, "height": screen.height},
+        color_scheme=screen.theme,
+        reduced_motion="reduce",
+        locale="en-GB",
+        timezone_id="UTC",
+    )
+    paths = {asked.partition("?")[0] for asked in world.answers[role]}
+    answers: dict[str, Any] = {path: _answered(world, role, path) for path in paths}
+    # The views were read one after the other, and each read the clock: one moment holds for all.
+    answers["/v1/clock"] = {"now": world.now, "rate": world.rate}
+    staged = StagedPage(browser, answers, context=context)
+    staged.page.clock.set_fixed_time(world.wall_ms)
+    return staged
+
+
+def _still(page: Page) -> bytes:
+    """What the page shows when it no longer changes."""
+    last = b""
+    for _ in range(_MOST_LOOKS):
+        page.wait_for_load_state("networkidle")
+        seen = page.screenshot()
+        if seen == last:
+            return seen
+        last = seen
+    raise AssertionError("The page goes on changing.")
+
+
+def picture_of(browser: Browser, world: RecordedWorld, view: str, screen: Screen) -> Image.Image:
+    """A picture of this view on this screen."""
+    role, pattern = VIEWS[view]
+    address = pattern.format(**world.shown)
+    staged = _stage(browser, world, role, screen)
+    staged.open(f"/track/{address}" if role == "link" else f"/console#/{address}")
+    for url, events in world.streams[role].items():
+        if url == LIVE or urlsplit(url).path.split("/")[-2] in address:
+            for kind, value in events:
+                staged.send(url, kind, value)
+    taken = Image.open(BytesIO(_still(staged.page))).convert("RGB")
+    assert staged.errors == []
+    staged.page.context.close()
+    return taken

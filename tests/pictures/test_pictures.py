@@ -1,0 +1,52 @@
+"""Each view looks as in docs/pictures, but for small differences of how a machine draws."""
+
+from collections.abc import Iterator
+
+import pytest
+from PIL import Image, ImageChops, ImageFilter
+from playwright.sync_api import Browser
+
+from tests.end_to_end.browser import needs_browser, opened_browser
+from tests.pictures.__main__ import PICTURES
+from tests.pictures.recorded_world import recorded_world
+from tests.pictures.taken import picture_of
+from tests.pictures.views import SCREENS, VIEWS
+
+pytestmark = [pytest.mark.integration, pytest.mark.long, needs_browser]
+
+#: Pixels that differ by less in each colour are equal: edges of letters, and colours of a palette.
+SAME = 40
+#: The largest share of pixels that may differ.
+MOST_DIFFERENT = 0.01
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with opened_browser() as opened:
+        yield opened
+
+
+def difference(one: Image.Image, other: Image.Image) -> float:
+    """The share of pixels that differ, after edges were blurred."""
+    if one.size != other.size:
+        return 1.0
+    blurred = [each.convert("RGB").filter(ImageFilter.GaussianBlur(2)) for each in (one, other)]
+    most = ImageChops.difference(*blurred).convert("L").point(lambda level: 255 * (level > SAME))
+    return most.histogram()[255] / (one.width * one.height)
+
+
+@pytest.mark.parametrize("name", SCREENS)
+@pytest.mark.parametrize("view", VIEWS)
+def test_a_view_looks_as_in_its_picture(browser: Browser, view: str, name: str) -> None:
+    with Image.open(PICTURES / f"{view}-{name}.png") as committed:
+        taken = picture_of(browser, recorded_world(), view, SCREENS[name])
+        assert difference(committed, taken) <= MOST_DIFFERENT
+
+
+def test_a_button_that_is_gone_is_seen() -> None:
+    with Image.open(PICTURES / "delivery-phone.png") as committed:
+        changed = committed.convert("RGB")
+    changed.paste((128, 128, 128), (20, 300, 180, 344))
+
+    with Image.open(PICTURES / "delivery-phone.png") as committed:
+        assert difference(committed, changed) > MOST_DIFFERENT

@@ -1,0 +1,46 @@
+"""The pictures of docs/pictures: which views, on which screens."""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+Theme = Literal["light", "dark"]
+
+
+@dataclass(frozen=True)
+class Screen:
+    """A size in pixels and a theme."""
+
+    width: int
+    height: int
+    theme: Theme
+
+
+#: By the end of a picture's name.
+SCREENS: Final = {
+    "light": Screen(1440, 900, "light"),
+    "dark": Screen(1440, 900, "dark"),
+    "phone": Screen(390, 844, "light"),
+}
+
+#: By the name of the picture: the role that sees the view, and the view's address. The names in
+#: braces are those of `RecordedWorld.shown`.
+VIEWS: Final = {
+    "home": ("operator", "home"),
+    "map": ("operator", "map"),
+    "drone": ("operator", "map/drone/{drone}"),
+    "station": ("operator", "map/station/{station}"),
+    "schedule": ("operator", "schedule"),
+    "deliveries": ("operator", "deliveries"),
+    "delivery": ("operator", "deliveries/{delivery}"),
+    "fleet": ("operator", "fleet"),
+    "alarms": ("operator", "alarms"),
+    "statements": ("operator", "statements"),
+    "replay": ("operator", "replay"),
+    "health": ("operator", "health"),
+    "home-of-provider": ("provider", "home"),
+    "loading": ("provider", "fleet/loading"),
+    "home-of-customer": ("customer", "home"),
+    "new-delivery": ("customer", "new"),
+    "keys": ("customer", "account"),
+    "tracking": ("link", "{link}"),
+}
