@@ -2,52 +2,41 @@
 
 import {useEffect, useRef} from "preact/hooks";
 
-import {call, part, post} from "../api.js";
+import {part, post} from "../api.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {pathTo} from "../routes.js";
 import {percent} from "../words.js";
+import {droneQuestions} from "./drone_questions.js";
 import {attempt} from "./messages.js";
-import {SureButton} from "./sure_button.js";
 
 // What its flights have shown about a drone, against its model.
 const learnedText = ({planned, flights}) =>
   `${flights} flights have shown: energy use ${percent(planned.still_air_factor)}, battery `
   + `${percent(planned.state_of_health)}, charging ${percent(planned.charge_rate_factor)} of the model's.`;
 
-const Choice = ({text, children}) => html`<li><p>${text}</p>${children}</li>`;
-
-function Service({name, state, put}) {
-  if (state === "MAINTENANCE") {
-    return html`<${Choice} text="It can get missions again.">
-      <button aria-label=${`Put ${name} back in service`}
-        onClick=${() => put("AVAILABLE", `${name} is back in service.`)}>Back in service</button></${Choice}>`;
-  }
-  return html`<${Choice} text="It gets no more missions until you put it back in service.">
-    <button aria-label=${`Take ${name} into maintenance`}
-      onClick=${() => put("MAINTENANCE", `${name} is in maintenance and gets no missions.`)}>Into maintenance</button>
-  </${Choice}>`;
-}
+const Choice = ({text, verb, label, onChoose}) => html`
+  <li><p>${text}</p><button aria-label=${label} onClick=${onChoose}>${verb}</button></li>`;
 
 function Choices({drone, name, onDone, onToken}) {
   const {drone_id: droneId, provider_id: provider, state, learned, maintenance} = drone;
   const path = `/v1/providers/${part(provider)}/drones/${part(droneId)}`;
-  const act = (action, done) => attempt(action, done).then((isDone) => isDone && onDone());
-  const token = () => act(async () => onToken(name, await post(`${path}/enrolment-tokens`)));
-  const forget = () => act(() => call("DELETE", `${path}/learned-values`),
-    `${name} counts as its model says until it has flown again.`);
-  const maintained = () => act(() => post(`${path}/maintenance`),
-    `The maintenance of ${name} is recorded; its counters begin again.`);
+  const questions = droneQuestions(path, name, onDone);
+  const token = () => attempt(async () => onToken(name, await post(`${path}/enrolment-tokens`))).then(onDone);
+  const service = state === "MAINTENANCE"
+    ? html`<${Choice} text="It can get missions again." verb="Back in service" label=${`Put ${name} back in service`}
+        onChoose=${questions.putBack} />`
+    : html`<${Choice} text="It gets no more missions until you put it back in service." verb="Into maintenance"
+        label=${`Take ${name} into maintenance`} onChoose=${questions.maintain} />`;
   return html`
     <ul class="choices-list">
-      <${Service} name=${name} state=${state}
-        put=${(wanted, done) => act(() => call("PATCH", path, {state: wanted}), done)} />
-      ${maintenance?.due_since_at && html`<${Choice} text="It is due for maintenance and gets no missions until then.">
-        <${SureButton} verb="Maintained" label=${`The maintenance of ${name} was done`} kind="" onSure=${maintained} /></${Choice}>`}
-      <${Choice} text="A new drone computer exchanges the token once for its own credentials.">
-        <button aria-label=${`Another enrolment token for ${name}`} onClick=${token}>Enrolment token</button></${Choice}>
-      ${learned && html`<${Choice} text=${`${learnedText(learned)} Forget it after a repair or a new battery.`}>
-        <${SureButton} verb="Forget" label=${`Forget what flights of ${name} have shown`} kind="" onSure=${forget} /></${Choice}>`}
+      ${service}
+      ${maintenance?.due_since_at && html`<${Choice} text="It is due for maintenance and gets no missions until then."
+        verb="Maintained" label=${`The maintenance of ${name} was done`} onChoose=${questions.wasMaintained} />`}
+      <${Choice} text="A new drone computer exchanges the token once for its own credentials."
+        verb="Enrolment token" label=${`Another enrolment token for ${name}`} onChoose=${token} />
+      ${learned && html`<${Choice} text=${`${learnedText(learned)} Forget it after a repair or a new battery.`}
+        verb="Forget" label=${`Forget what flights of ${name} have shown`} onChoose=${questions.forget} />`}
     </ul>`;
 }
 

@@ -9,7 +9,7 @@ import {usePolled} from "../polled.js";
 import {pathTo} from "../routes.js";
 import {session} from "../session.js";
 import {clockTime, distanceText, durationText} from "../words.js";
-import {isLate} from "./delivery_page.js";
+import {isLate} from "./delivery_packages.js";
 import {Bars, DAY_MARKS, Heat, SplitBar, hoursOfToday} from "./home_charts.js";
 import {AlarmsTile, DronesTile, PromisesTile, WorkTile, useDeliveriesToday} from "./home_fleet.js";
 import {Tile} from "./tile.js";

@@ -2,7 +2,7 @@
 
 import {useEffect, useState} from "preact/hooks";
 
-import {get, part, post} from "../api.js";
+import {get, post} from "../api.js";
 import {html} from "../html.js";
 import {dayText, inWords} from "../words.js";
 import {attempt} from "./messages.js";
