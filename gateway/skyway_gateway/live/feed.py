@@ -155,9 +155,7 @@ class LiveFeed:
         figures = self.figures.get(source.name, {})
         is_answering = since_at is None
         self._picture.put(
-            service_items(
-                source.name, figures, is_answering=is_answering, silent_since_at=since_at
-            )
+            service_items(source.name, figures, is_answering=is_answering, silent_since_at=since_at)
         )
         return is_answering
 
