@@ -1,12 +1,13 @@
-"""People log in to the console in a browser, and an operator watches a drone there."""
+"""People log in to the console in a browser; its tabs share a stream, and a drone moves."""
 
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Page, expect
 
 from tests.end_to_end.browser import needs_browser
 from tests.end_to_end.console_page import ConsolePage
+from tests.end_to_end.ladder_network import ladders
 from tests.end_to_end.shared_fleet import shared_fleet
 
 pytestmark = [
@@ -115,3 +116,59 @@ def test_a_deleted_key_ends_its_console(browser: Browser, system: Any) -> None:
     system.operate("DELETE", f"/v1/keys/{made['key_id']}")
 
     expect(console.page.get_by_label("API key")).to_be_visible()
+
+
+_COUNTED_STREAMS = """
+window.streams = [];
+window.EventSource = class extends EventSource {
+  constructor(url) { super(url); streams.push(this); }
+};
+"""
+_OPEN_STREAMS = "() => streams.filter((each) => each.readyState === EventSource.OPEN).length"
+
+
+def open_streams(pages: list[Page]) -> int:
+    """How many streams of the live picture these tabs have together."""
+    return sum(page.evaluate(_OPEN_STREAMS) for page in pages)
+
+
+def test_tabs_of_a_browser_share_one_stream(browser: Browser, system: Any) -> None:
+    """Another tab takes over within seconds from one that is closed or stands still."""
+    console = ConsolePage(browser, system)
+    first = console.page
+    pages = [first, first.context.new_page(), first.context.new_page()]
+    for page in pages:
+        page.add_init_script(_COUNTED_STREAMS)
+    console.open_with(system.keys["SKYWAY_OPERATOR_KEY"])
+    for page in pages[1:]:
+        page.goto(f"{console.gateway_url}/console")
+        expect(page.locator(".connection")).to_have_text("Live")
+    assert open_streams(pages) == 1
+
+    first.close()
+    left = pages[1:]
+    system.eventually(lambda: open_streams(left) == 1, "another tab has the stream")
+    network = ladders("shared-stream")
+    system.operate("PUT", "/v1/networks/shared-stream", network)
+    body = {"reason": "a stream for all"}
+    system.operate("POST", "/v1/stations/shared-stream-s1/closures", body)
+    for page in left:
+        page.evaluate("location.hash = '#/alarms'")
+        expect(page.locator("main")).to_contain_text("a stream for all")
+
+    [leader] = [page for page in left if page.evaluate(_OPEN_STREAMS)]
+    [other] = [page for page in left if page is not leader]
+    leader.evaluate(
+        """() => setTimeout(() => {
+          for (const until = Date.now() + 12_000; Date.now() < until;);
+        })"""
+    )
+    other.wait_for_function(_OPEN_STREAMS)
+    leader.wait_for_function(
+        "() => streams.every((each) => each.readyState === EventSource.CLOSED)"
+    )
+    other.locator(".person").click()
+    other.get_by_role("button", name="Log out").click()
+    for page in left:
+        expect(page.get_by_label("API key")).to_be_visible()
+        page.close()

@@ -148,16 +148,14 @@ class LiveFeed:
             await source.read(self._picture)
         except ServiceUnavailable as error:
             log.info("live picture stands still", extra={"part": source.name, "reason": str(error)})
-            since_at = self._silent_since.setdefault(source.name, self.now())
+            self._silent_since.setdefault(source.name, self.now())
         else:
-            since_at = None
             self._silent_since.pop(source.name, None)
         figures = self.figures.get(source.name, {})
+        since_at = self._silent_since.get(source.name)
         is_answering = since_at is None
         self._picture.put(
-            service_items(
-                source.name, figures, is_answering=is_answering, silent_since_at=since_at
-            )
+            service_items(source.name, figures, is_answering=is_answering, silent_since_at=since_at)
         )
         return is_answering
 

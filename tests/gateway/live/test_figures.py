@@ -135,7 +135,8 @@ async def test_a_service_that_does_not_answer_has_no_figures() -> None:
     feed.figures["composition"] = {}
     await feed.step()
 
-    assert services(feed, OPERATOR) == {"composition": {"is_answering": False}}
+    shown = services(feed, OPERATOR)["composition"]
+    assert shown == {"is_answering": False, "silent_since_at": shown["silent_since_at"]}
 
 
 async def test_the_gateways_own_gauges_are_shown() -> None:

@@ -1,9 +1,10 @@
 // A provider's drones with their commands, and registering another one.
 
-import {useEffect, useState} from "preact/hooks";
+import {useState} from "preact/hooks";
 
 import {all, part, post} from "../api.js";
 import {html} from "../html.js";
+import {usePolled} from "../polled.js";
 import {dayText} from "../words.js";
 import {DroneForm} from "./drone_form.js";
 import {FleetTable} from "./fleet_table.js";
@@ -13,20 +14,9 @@ import {SecretBox} from "./secret_box.js";
 // The live picture shows what changes often.
 const AGAIN_MS = 15_000;
 
-function useDrones(path) {
-  const [drones, setDrones] = useState(null);
-  const read = () => all(path).then(setDrones, () => null);
-  useEffect(() => {
-    attempt(async () => setDrones(await all(path)));
-    const timer = setInterval(read, AGAIN_MS);
-    return () => clearInterval(timer);
-  }, [path]);
-  return {drones, read};
-}
-
 export function FleetDrones({providerId}) {
   const path = `/v1/providers/${part(providerId)}/drones`;
-  const {drones, read} = useDrones(path);
+  const {answer: drones, problem, again: read} = usePolled(() => all(path), AGAIN_MS, path);
   const [token, setToken] = useState(null);
   const show = (name, {enrolment_token: text, expires_wall_at: until}) => setToken({name, text, until});
 
@@ -40,6 +30,7 @@ export function FleetDrones({providerId}) {
   }
 
   return html`
+    ${problem && html`<p class="refused" role="alert">${problem}</p>`}
     ${drones === null ? html`<p>Reading…</p>` : html`
       <${FleetTable} drones=${drones} onChange=${read} onToken=${show} />`}
     ${token && html`<${SecretBox} title=${`Enrolment token of ${token.name}`} secrets=${[["Token", token.text]]}

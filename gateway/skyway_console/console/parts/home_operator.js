@@ -1,8 +1,9 @@
 // An operator's day: what needs somebody now, and how deliveries, drones, pads and services are.
 
 import {get} from "../api.js";
+import {hasBegun} from "../closed.js";
 import {fleetNow, ticks} from "../fleet_clock.js";
-import {freshness, staleTexts} from "../freshness.js";
+import {silentServices} from "../freshness.js";
 import {html} from "../html.js";
 import {openAlarms, picture} from "../live.js";
 import {usePolled} from "../polled.js";
@@ -25,6 +26,9 @@ const waitingS = ({created_at: since}) => (fleetNow() - Date.parse(since)) / 100
 
 const count = (number, one, many) => `${number} ${number === 1 ? one : many}`;
 
+const isStopped = () =>
+  Object.values(picture.closures.value).some((each) => each.kind === "GROUND_STOP" && hasBegun(each));
+
 // What needs somebody: each a sentence and where to go.
 function needs() {
   const urgent = openAlarms.value.filter(({level}) => level !== "WARNING").length;
@@ -34,7 +38,8 @@ function needs() {
     urgent && [count(urgent, "urgent alarm is open", "urgent alarms are open"), "alarms"],
     late && [count(late, "delivery is late", "deliveries are late"), "deliveries"],
     old && [`${count(old, "request has", "requests have")} waited for a drone for more than 15 min`, "schedule"],
-    freshness.value === "partly" && [staleTexts().join(" "), "health"],
+    isStopped() && ["Take-offs are stopped", "alarms"],
+    silentServices.value.length > 0 && ["A service is silent", "health"],
   ].filter(Boolean);
 }
 
@@ -42,7 +47,7 @@ function Headline() {
   ticks.value; // read so that waiting grows old by itself
   const found = needs();
   const underWay = running().filter((each) => !each.is_waiting && each.state !== "SCHEDULED").length;
-  const links = found.map(([text, view]) => html`<li key=${view}><a href=${pathTo(view)}>${text}</a></li>`);
+  const links = found.map(([text, view]) => html`<li key=${text}><a href=${pathTo(view)}>${text}</a></li>`);
   return html`
     <header class="headline ${found.length ? "warn" : "fine"}">
       <h1>${found.length ? count(found.length, "thing needs you", "things need you") : "All is well"}</h1>

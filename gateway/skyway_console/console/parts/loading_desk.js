@@ -1,33 +1,20 @@
 // The loading desk: drones that wait for their packages; a person weighs them and confirms.
 
-import {useEffect, useState} from "preact/hooks";
+import {useState} from "preact/hooks";
 
 import {all, part, post} from "../api.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
-import {inWords, momentText, shortId, stationName} from "../words.js";
+import {usePolled} from "../polled.js";
+import {stateName} from "../state_words.js";
+import {momentText, shortId, stationName} from "../words.js";
 import {attempt, say} from "./messages.js";
 
 const AGAIN_MS = 2_000;
 const OVER = ["COMPLETED", "ABORTED", "CANCELLED", "REFUSED"];
 
-function useWaiting(providerId) {
-  const [missions, setMissions] = useState(null);
-  const [problem, setProblem] = useState("");
-  const read = () => all("/v1/missions?loading=AWAITED").then(
-    (items) => {
-      setMissions(items.filter((each) => each.provider_id === providerId && !OVER.includes(each.state)));
-      setProblem("");
-    },
-    (refusal) => setProblem(refusal.message));
-  useEffect(() => {
-    read();
-    const timer = setInterval(read, AGAIN_MS);
-    return () => clearInterval(timer);
-  }, [providerId]);
-  return {missions, problem, read};
-}
+const isWaiting = (providerId) => ({provider_id: provider, state}) => provider === providerId && !OVER.includes(state);
 
 // Where the packages are taken on board, and how much they weigh together by the request.
 function pickupOf({plan: {steps}}) {
@@ -41,7 +28,7 @@ const isReady = (drone, stationId) => drone?.activity === "LOADING" && drone.sta
 
 function whereText(drone, stationId) {
   if (isReady(drone, stationId)) return "The drone waits there.";
-  return `The drone does not wait there yet${drone?.activity ? `: ${inWords(drone.activity).toLowerCase()}` : ""}.`;
+  return `The drone does not wait there yet${drone?.activity ? `: ${stateName("droneActivity", drone.activity).toLowerCase()}` : ""}.`;
 }
 
 async function confirmLoading(missionId, packages) {
@@ -89,13 +76,14 @@ function Waiting({mission, onDone}) {
 }
 
 export function LoadingDesk({providerId}) {
-  const {missions, problem, read} = useWaiting(providerId);
+  const {answer, problem, again} = usePolled(() => all("/v1/missions?loading=AWAITED"), AGAIN_MS, "awaited");
+  const missions = answer?.filter(isWaiting(providerId));
   return html`
     ${problem && html`<p class="refused">${problem}</p>`}
-    ${missions?.length === 0 && html`<p>No drone waits for its packages. Drones wait here if their provider
+    ${missions?.length === 0 && html`<p class="empty">No drone waits for its packages. Drones wait here if their provider
       confirms loading by hand.</p>`}
     <ul class="cards" aria-label="Drones that wait">
       ${(missions ?? []).map((mission) => html`
-        <${Waiting} key=${mission.mission_id} mission=${mission} onDone=${read} />`)}
+        <${Waiting} key=${mission.mission_id} mission=${mission} onDone=${again} />`)}
     </ul>`;
 }

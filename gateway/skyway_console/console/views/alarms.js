@@ -1,18 +1,21 @@
 // Open alarms, the newest first, and what is closed; operators acknowledge and open again.
 
-import {useEffect, useState} from "preact/hooks";
+import {useEffect} from "preact/hooks";
 
-import {get, part, post} from "../api.js";
+import {part, post} from "../api.js";
 import {closureTimes, hasBegun} from "../closed.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {alarmSound, openAlarms, picture} from "../live.js";
+import {usePolledPath} from "../polled.js";
 import {pathTo} from "../routes.js";
 import {isOperator} from "../session.js";
 import {StateText} from "../state_words.js";
 import {distanceText, inWords, momentText, shortId, stationName, zonedText} from "../words.js";
 import {STOP_MOMENTS, askToClose, askToOpen, closureName} from "../parts/closures.js";
 import {confirm} from "../parts/confirm_dialog.js";
+
+const AGAIN_MS = 60_000;
 
 const askToAcknowledge = (alarmId, {code}) => confirm({
   title: `Acknowledge: ${inWords(code)}`,
@@ -74,16 +77,14 @@ function Closures() {
 }
 
 function Acknowledged() {
-  const [items, setItems] = useState([]);
+  const {answer, again} = usePolledPath("/v1/alarms?state=ACKNOWLEDGED&limit=20", AGAIN_MS);
   // Read again when an alarm comes or goes.
-  const count = openAlarms.value.length;
-  useEffect(() => {
-    get("/v1/alarms?state=ACKNOWLEDGED&limit=20").then((page) => setItems(page.items), () => null);
-  }, [count]);
+  useEffect(() => void again(), [openAlarms.value.length]);
+  const items = answer?.items ?? [];
   return html`
     <h2>Acknowledged</h2>
     <ul class="timeline">
-      ${items.length === 0 && html`<li>None yet. Alarms that an operator has seen stand here.</li>`}
+      ${answer?.items.length === 0 && html`<li>None yet. Alarms that an operator has seen stand here.</li>`}
       ${items.map(({alarm_id, code, detail, acknowledged_by, acknowledged_at, note}) => html`
         <li key=${alarm_id}>
           <time>${momentText(acknowledged_at)}</time><strong>${inWords(code)}</strong> ${detail}

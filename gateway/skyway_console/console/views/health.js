@@ -1,33 +1,16 @@
 // How the services are: processor, memory, rates, queues, lags, last errors and counted failures.
 
-import {useEffect, useState} from "preact/hooks";
+import {useRef} from "preact/hooks";
 
 import {get} from "../api.js";
 import {html} from "../html.js";
+import {usePolled} from "../polled.js";
 import {dayText, durationText, inWords} from "../words.js";
 import {Facts} from "../parts/facts.js";
 import {failures, queues, rateBetween, sumOf} from "../parts/figures.js";
 import {Promises} from "../parts/promises.js";
 
 const EVERY_MS = 2_000;
-
-function useSystem() {
-  const [looks, setLooks] = useState([]);
-  const [problem, setProblem] = useState("");
-  useEffect(() => {
-    const look = () => get("/v1/system").then(
-      ({services}) => {
-        const at = performance.now();
-        setLooks((before) => [{at, services}, ...before].slice(0, 2));
-        setProblem("");
-      },
-      (refusal) => setProblem(refusal.message));
-    look();
-    const timer = setInterval(look, EVERY_MS);
-    return () => clearInterval(timer);
-  }, []);
-  return {looks, problem};
-}
 
 const megabytes = (bytes) => bytes === null ? null : `${Math.round(bytes / 1e6)} MB`;
 const perSecond = (rate) => rate === null ? null : `${rate.toFixed(rate < 10 ? 1 : 0)} / s`;
@@ -120,7 +103,15 @@ function Failures({services}) {
 }
 
 export function HealthView() {
-  const {looks: [now, last], problem} = useSystem();
+  // Two looks, because rates need an earlier one.
+  const looks = useRef([]);
+  const look = async () => {
+    const {services} = await get("/v1/system");
+    looks.current = [{at: performance.now(), services}, looks.current[0]];
+    return looks.current;
+  };
+  const {answer, problem} = usePolled(look, EVERY_MS, "system");
+  const [now, last] = answer ?? [];
   if (!now) return html`<div class="page"><p>${problem || "Reading…"}</p></div>`;
   const elapsedS = last ? (now.at - last.at) / 1000 : null;
   return html`
