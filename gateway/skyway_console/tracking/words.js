@@ -66,7 +66,7 @@ export const WORDS = {
   otherReason: "The drone could not finish this flight.",
   absent: (station) => `If nobody is there, the drone waits a moment and then takes it to ${station}.`,
   pad: (station) => `Pick-up place: the pads of ${station}`,
-  openMap: "Open in a map app",
+  openMap: "Open in maps",
   howFar: "How far is it?",
   locating: "Looking where you are…",
   noPlace: "Your browser does not say where you are.",

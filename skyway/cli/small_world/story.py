@@ -127,6 +127,7 @@ class StoryOfTheDay:
 
     async def delay_a_drone(self) -> bool:
         """Hold a drone at its next landing, and let it go on; whether there was one."""
+        await self._resume()
         for delivery in await self._in_progress():
             mission = delivery["missions"][-1]
             path = f"/v1/missions/{mission['mission_id']}/commands"
