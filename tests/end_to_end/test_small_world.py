@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,10 @@ STORY = {
 }
 
 
+def is_said(log: Path, text: str) -> bool:
+    return text in log.read_text()
+
+
 def deliveries(world: LocalSystem, state: str = "") -> set[str]:
     query = f"&state={state}" if state else ""
     items = world.operate("GET", f"/v1/deliveries?limit=200{query}")["items"]
@@ -92,8 +97,8 @@ def test_an_operator_starts_the_small_world_and_it_goes_on_after_a_restart(
     assert fleets(world) == lived
 
     for begins, ends in STORY.items():
-        eventually(lambda end=ends: end in log.read_text(), ends, instead=log.read_text)
-        assert begins in log.read_text()
+        eventually(partial(is_said, log, ends), ends, instead=log.read_text)
+        assert is_said(log, begins)
     held = [each["is_held"] for each in world.operate("GET", "/v1/missions?state=ACTIVE")["items"]]
     assert held.count(True) <= 1
     names = {each["reference"] for each in world.operate("GET", "/v1/deliveries")["items"]}

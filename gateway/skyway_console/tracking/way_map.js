@@ -7,6 +7,8 @@ const WIDTH = 400;
 const HEIGHT = 300;
 const MARGIN = 44;
 const METRES_PER_DEGREE = 111_195;
+// A single place is shown with about a kilometre around it.
+const LEAST_DEG = 0.01;
 // The scale bar is so long at most, in units of the picture.
 const BAR = 90;
 // Names nearer to the side than this begin or end at their mark.
@@ -33,8 +35,8 @@ function projection(positions) {
   const [south, north] = [Math.min(...latitudes), Math.max(...latitudes)];
   const narrowing = Math.cos(((south + north) / 2) * (Math.PI / 180));
   const scale = Math.min(
-    (WIDTH - 2 * MARGIN) / Math.max((east - west) * narrowing, 1e-4),
-    (HEIGHT - 2 * MARGIN) / Math.max(north - south, 1e-4),
+    (WIDTH - 2 * MARGIN) / Math.max((east - west) * narrowing, LEAST_DEG),
+    (HEIGHT - 2 * MARGIN) / Math.max(north - south, LEAST_DEG),
   );
   const project = ([longitude, latitude]) => [
     WIDTH / 2 + (near(longitude) - (west + east) / 2) * narrowing * scale,
