@@ -49,7 +49,8 @@ export function said(state, now, nameOf) {
 function landing(state, next, leftS, now) {
   const count = toCome(state);
   if (state.stage === "ON_THE_WAY" && leftS <= ARRIVING_S) return WORDS.landsNow(count);
-  return leftS > COUNTED_S ? WORDS.landsAt(clockTime(next.eta_at, now), count) : WORDS.landsIn(spanText(leftS), count);
+  if (leftS > COUNTED_S) return WORDS.landsAt(clockTime(next.eta_at, now), count);
+  return WORDS.landsIn(spanText(leftS), count);
 }
 
 function promiseOf(next, now) {

@@ -104,7 +104,7 @@ def clock() -> FreeClock:
 
 
 @pytest.fixture
-def tell(network: Network, clock: FreeClock, said: list[str], tmp_path: Path) -> Any:
+def story_of(network: Network, clock: FreeClock, said: list[str], tmp_path: Path) -> Any:
     """Makes the story of a gateway."""
     return lambda gateway: StoryOfTheDay(
         gateway,
@@ -118,11 +118,11 @@ def tell(network: Network, clock: FreeClock, said: list[str], tmp_path: Path) ->
 
 
 async def test_a_place_on_the_way_closes_and_opens_again(
-    tell: Any, clock: FreeClock, said: list[str]
+    story_of: Any, clock: FreeClock, said: list[str]
 ) -> None:
     gateway = FakeGateway([mission("msn_1", "live-oak", "converse", "china-grove")])
 
-    assert await tell(gateway).close_on_the_way()
+    assert await story_of(gateway).close_on_the_way()
 
     [(path, order)] = gateway.done
     assert path == "/v1/stations/converse/closures"
@@ -133,21 +133,21 @@ async def test_a_place_on_the_way_closes_and_opens_again(
 
 @pytest.mark.parametrize("affected", [0, 4])
 async def test_nothing_closes_that_concerns_nobody_or_many(
-    tell: Any, said: list[str], affected: int
+    story_of: Any, said: list[str], affected: int
 ) -> None:
     gateway = FakeGateway([mission("msn_1", "live-oak", "kirby")], affected=affected)
 
-    assert not await tell(gateway).close_on_the_way()
+    assert not await story_of(gateway).close_on_the_way()
 
     assert (gateway.done, said) == ([], [])
 
 
 async def test_a_drone_waits_at_its_landing_and_flies_on(
-    tell: Any, clock: FreeClock, said: list[str]
+    story_of: Any, clock: FreeClock, said: list[str]
 ) -> None:
     gateway = FakeGateway([mission("msn_1", "live-oak", "converse", "china-grove")])
 
-    assert await tell(gateway).delay_a_drone()
+    assert await story_of(gateway).delay_a_drone()
 
     assert [body["command"] for _, body in gateway.done] == ["HOLD", "RESUME"]
     assert "Bluebonnet lands at Converse and waits 15 min" in said[0]
@@ -155,22 +155,22 @@ async def test_a_drone_waits_at_its_landing_and_flies_on(
     assert said[1:] == ["12:20: Bluebonnet flies on."]
 
 
-async def test_a_drone_that_an_earlier_start_held_goes_on(tell: Any, tmp_path: Path) -> None:
+async def test_a_drone_that_an_earlier_start_held_goes_on(story_of: Any, tmp_path: Path) -> None:
     gateway = FakeGateway([mission("msn_1", "live-oak", "kirby", is_held=True)])
     (tmp_path / "held.txt").write_text("msn_1")
 
-    assert await tell(gateway)._begin()
+    assert await story_of(gateway)._begin()
 
     assert [body.get("command") for _, body in gateway.done] == [None, "RESUME"]
     assert not (tmp_path / "held.txt").exists()
 
 
 async def test_a_gust_passes_and_the_air_is_calm_again(
-    tell: Any, clock: FreeClock, said: list[str]
+    story_of: Any, clock: FreeClock, said: list[str]
 ) -> None:
     gateway = FakeGateway([mission("msn_1", "live-oak", "kirby")])
 
-    assert await tell(gateway).let_a_gust_pass()
+    assert await story_of(gateway).let_a_gust_pass()
 
     assert [path for path, _ in gateway.done] == ["/v1/networks/texas-corridor/weather"] * 2
     strongest = [max(map(max, step)) for step in gateway.done[0][1]["grid"]["gust_mps"]]
@@ -180,10 +180,10 @@ async def test_a_gust_passes_and_the_air_is_calm_again(
     assert said[1:] == ["12:40: the air is calm again."]
 
 
-async def test_trouble_is_said_and_the_story_goes_on(tell: Any, said: list[str]) -> None:
+async def test_trouble_is_said_and_the_story_goes_on(story_of: Any, said: list[str]) -> None:
     gateway = FakeGateway([])
     gateway.trouble = True
-    story = tell(gateway)
+    story = story_of(gateway)
 
     assert not await story._has_happened(story.let_a_gust_pass)
 
