@@ -110,6 +110,7 @@ def story_of(network: Network, clock: FreeClock, said: list[str], tmp_path: Path
         gateway,
         network,
         operator_key="sk_operator",
+        provider_ids=["prv_1"],
         clock=clock,
         chance=Random(1),
         held_file=tmp_path / "held.txt",
@@ -129,6 +130,17 @@ async def test_a_place_on_the_way_closes_and_opens_again(
     assert datetime.fromisoformat(order["until"]) == clock.now()
     assert said[0].startswith("12:00: Converse is closed until 12:40: ")
     assert said[1:] == ["12:40: Converse is open again."]
+
+
+async def test_drones_of_other_providers_are_left_alone(story_of: Any, said: list[str]) -> None:
+    other = mission("msn_1", "live-oak", "converse", "china-grove") | {"provider_id": "prv_2"}
+    gateway = FakeGateway([other])
+    story = story_of(gateway)
+
+    for chapter in (story.close_on_the_way, story.delay_a_drone, story.let_a_gust_pass):
+        assert not await chapter()
+
+    assert (gateway.done, said) == ([], [])
 
 
 @pytest.mark.parametrize("affected", [0, 4])
