@@ -91,5 +91,5 @@ export const placeText = ([longitude, latitude]) =>
 
 export function distanceText(metres) {
   if (metres < 1_000) return `${Math.round(metres / 10) * 10} m`;
-  return `${(metres / 1_000).toFixed(metres < 10_000 ? 1 : 0)} km`;
+  return `${Number((metres / 1_000).toFixed(metres < 10_000 ? 1 : 0))} km`;
 }
