@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,18 @@ def interrupt(world: LocalSystem) -> str:
     return (world.folder.path / "up.log").read_text()
 
 
+#: What the story of the day says when something begins, and when it ends.
+STORY = {
+    "is closed until": "is open again",
+    "people look at a propeller": "flies on",
+    "gusts of 17 m/s": "the air is calm again",
+}
+
+
+def is_said(log: Path, text: str) -> bool:
+    return text in log.read_text()
+
+
 def deliveries(world: LocalSystem, state: str = "") -> set[str]:
     query = f"&state={state}" if state else ""
     items = world.operate("GET", f"/v1/deliveries?limit=200{query}")["items"]
@@ -72,16 +85,24 @@ def test_an_operator_starts_the_small_world_and_it_goes_on_after_a_restart(
         assert world.operate("POST", "/v1/small-world") == {"small_world": "REQUESTED"}
     eventually(lambda: deliveries(world, "COMPLETED"), "a completed delivery")
     lived = fleets(world)
-    assert sum(len(drones) for drones in lived.values()) == 11
+    assert sum(len(drones) for drones in lived.values()) == 18
 
     assert "has stopped" in interrupt(world)
     assert processes_using(world.folder.path) == []
 
-    start(world, "--demo", until="The small world")
+    log = start(world, "--demo", until="The small world")
     assert world.operate("GET", "/v1/system")["small_world"] == "REQUESTED"
     before = deliveries(world)
     eventually(lambda: deliveries(world, "COMPLETED") - before, "a delivery of the second start")
     assert fleets(world) == lived
+
+    for begins, ends in STORY.items():
+        eventually(partial(is_said, log, ends), ends, instead=log.read_text)
+        assert is_said(log, begins)
+    held = [each["is_held"] for each in world.operate("GET", "/v1/missions?state=ACTIVE")["items"]]
+    assert held.count(True) <= 1
+    names = {each["reference"] for each in world.operate("GET", "/v1/deliveries")["items"]}
+    assert all(name.startswith("Order ") for name in names)
 
 
 def log_in_by_the_printed_link(world: LocalSystem, log: Path) -> None:

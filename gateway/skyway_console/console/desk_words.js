@@ -31,7 +31,8 @@ export const WORDS = {
     title: (count) => (count === 1 ? "One offer for you" : `${count} offers for you`),
     none: "Nobody can fly this",
     busy: "All drones are busy just now",
-    wait: (span) => `The first one is probably free in ${span}. Order it all the same: the next free drone flies it.`,
+    wait: (span) =>
+      `The first one is probably free in ${span}. Order it all the same: the next free drone flies it.`,
     waitUnknown: "Order it all the same: the next free drone flies it.",
     holds: (span) => `The best one is first. They hold for another ${span}. The map shows their ways.`,
     over: "These offers have ended. Ask for new ones.",

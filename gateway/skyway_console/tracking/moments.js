@@ -8,7 +8,8 @@ const hours = (ms) => new Date(ms).toLocaleTimeString([], {hour: "2-digit", minu
 export function clockTime(moment, now) {
   const ms = Date.parse(moment);
   const isNear = Math.abs(ms - now) < DAY_MS / 2;
-  return isNear ? hours(ms) : `${new Date(ms).toLocaleDateString([], {weekday: "short", day: "numeric", month: "short"})}, ${hours(ms)}`;
+  const day = new Date(ms).toLocaleDateString([], {weekday: "short", day: "numeric", month: "short"});
+  return isNear ? hours(ms) : `${day}, ${hours(ms)}`;
 }
 
 export function spanText(seconds) {

@@ -35,7 +35,8 @@ function lines(one, places, {nameOf, now, changed, isOnly}) {
   }
   // The head of the page says when the only package comes.
   const time = one.eta_at && !isOnly ? [line(timeText(one, now), isLate(one) ? "late" : "")] : [];
-  return [...time, ...padLines(one, places, {nameOf, changed}), line(WORDS.absent(nameOf(one.alternative_id)), "place")];
+  const absent = line(WORDS.absent(nameOf(one.alternative_id)), "place");
+  return [...time, ...padLines(one, places, {nameOf, changed}), absent];
 }
 
 function timeText(one, now) {

@@ -49,17 +49,19 @@ export function said(state, now, nameOf) {
 function landing(state, next, leftS, now) {
   const count = toCome(state);
   if (state.stage === "ON_THE_WAY" && leftS <= ARRIVING_S) return WORDS.landsNow(count);
-  return leftS > COUNTED_S ? WORDS.landsAt(clockTime(next.eta_at, now), count) : WORDS.landsIn(spanText(leftS), count);
+  if (leftS > COUNTED_S) return WORDS.landsAt(clockTime(next.eta_at, now), count);
+  return WORDS.landsIn(spanText(leftS), count);
 }
 
 function promiseOf(next, now) {
-  const [moment, until] = [clockTime(next.eta_at, now), clockTime(next.eta_until_at, now)];
-  const base = next.is_p90 ? WORDS.likely(until) : WORDS.expected(moment);
+  const base = next.is_p90 ? WORDS.likely(clockTime(next.eta_until_at, now))
+    : WORDS.expected(clockTime(next.eta_at, now));
   return isLate(next) ? `${base}, ${WORDS.late(clockTime(next.due_at, now))}` : base;
 }
 
 function doingNow(state, next, now, nameOf) {
-  const lines = next.is_p90 ? [WORDS.isExpected(clockTime(next.eta_at, now))] : [];
+  const moment = clockTime(next.eta_at, now);
+  const lines = next.is_p90 && moment !== clockTime(next.eta_until_at, now) ? [WORDS.isExpected(moment)] : [];
   if (state.stage === "LOADING") lines.push(WORDS.loading);
   else if (state.stage === "ON_THE_WAY") lines.push(WORDS.doing[state.activity]?.(nameOf(next.station_id)) ?? "");
   else if (state.other_pickup_id) lines.push(WORDS.otherPickup(nameOf(state.other_pickup_id)));

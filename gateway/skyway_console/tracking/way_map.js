@@ -7,6 +7,8 @@ const WIDTH = 400;
 const HEIGHT = 300;
 const MARGIN = 44;
 const METRES_PER_DEGREE = 111_195;
+// A single place is shown with about a kilometre around it.
+const LEAST_DEG = 0.01;
 // The scale bar is so long at most, in units of the picture.
 const BAR = 90;
 // Names nearer to the side than this begin or end at their mark.
@@ -33,8 +35,8 @@ function projection(positions) {
   const [south, north] = [Math.min(...latitudes), Math.max(...latitudes)];
   const narrowing = Math.cos(((south + north) / 2) * (Math.PI / 180));
   const scale = Math.min(
-    (WIDTH - 2 * MARGIN) / Math.max((east - west) * narrowing, 1e-4),
-    (HEIGHT - 2 * MARGIN) / Math.max(north - south, 1e-4),
+    (WIDTH - 2 * MARGIN) / Math.max((east - west) * narrowing, LEAST_DEG),
+    (HEIGHT - 2 * MARGIN) / Math.max(north - south, LEAST_DEG),
   );
   const project = ([longitude, latitude]) => [
     WIDTH / 2 + (near(longitude) - (west + east) / 2) * narrowing * scale,
@@ -43,12 +45,13 @@ function projection(positions) {
   return {project, metres: METRES_PER_DEGREE / scale};
 }
 
-// The longest round distance that fits.
-function scaleBar(metres) {
+// The longest round distance that fits, in the lower corner that is free.
+function scaleBar(metres, marks) {
   const most = BAR * metres;
   const power = 10 ** Math.floor(Math.log10(most));
   const long = [5, 2, 1].map((each) => each * power).find((each) => each <= most);
-  const [left, y] = [14, HEIGHT - 14];
+  const isTaken = marks.some(([x, y]) => x < 2 * BAR && y > HEIGHT / 2);
+  const [left, y] = [isTaken ? WIDTH - 14 - long / metres : 14, HEIGHT - 14];
   return shape("g", {class: "scale"},
     shape("path", {d: `M${left} ${y - 4} V${y} H${left + long / metres} V${y - 4}`}),
     shape("text", {x: left, y: y - 9}, distanceText(long)));
@@ -56,7 +59,9 @@ function scaleBar(metres) {
 
 const line = ([x1, y1], [x2, y2], name) => shape("line", {x1, y1, x2, y2, class: name});
 
+// Names stand away from the way: above what is in the upper half of it, below the others.
 function placeMarks(places, project, nameOf) {
+  const middle = places.reduce((sum, {position}) => sum + project(position)[1], 0) / places.length;
   return places.flatMap(({station_id, position, role}) => {
     const [x, y] = project(position);
     if (role === "STOP") return [shape("circle", {cx: x, cy: y, r: 3, class: "stop"})];
@@ -64,7 +69,7 @@ function placeMarks(places, project, nameOf) {
       ? [shape("rect", {x: x - 6, y: y - 6, width: 12, height: 12, rx: 3, class: "pickup"})]
       : [13, 7, 2.5].map((r, ring) => shape("circle", {cx: x, cy: y, r, class: `destination ring-${ring}`}));
     const anchor = x < SIDE ? "start" : x > WIDTH - SIDE ? "end" : "middle";
-    const [across, above] = [{start: x - 12, end: x + 12, middle: x}[anchor], y < 60 ? y + 30 : y - 20];
+    const [across, above] = [{start: x - 12, end: x + 12, middle: x}[anchor], y > middle ? y + 30 : y - 20];
     return [...mark, shape("text", {x: across, y: above, "text-anchor": anchor}, nameOf(station_id))];
   });
 }
@@ -100,7 +105,7 @@ export class WayMap {
     this.#svg.replaceChildren(
       ...flights.flatMap((flight) => this.#lines(flight, drones)),
       ...placeMarks(places, project, nameOf),
-      scaleBar(metres),
+      scaleBar(metres, places.map(({position}) => project(position))),
       ...this.#marks,
     );
     this.move(drones);

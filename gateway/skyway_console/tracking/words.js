@@ -66,7 +66,7 @@ export const WORDS = {
   otherReason: "The drone could not finish this flight.",
   absent: (station) => `If nobody is there, the drone waits a moment and then takes it to ${station}.`,
   pad: (station) => `Pick-up place: the pads of ${station}`,
-  openMap: "Open in a map app",
+  openMap: "Open in maps",
   howFar: "How far is it?",
   locating: "Looking where you are…",
   noPlace: "Your browser does not say where you are.",
@@ -91,5 +91,5 @@ export const placeText = ([longitude, latitude]) =>
 
 export function distanceText(metres) {
   if (metres < 1_000) return `${Math.round(metres / 10) * 10} m`;
-  return `${(metres / 1_000).toFixed(metres < 10_000 ? 1 : 0)} km`;
+  return `${Number((metres / 1_000).toFixed(metres < 10_000 ? 1 : 0))} km`;
 }

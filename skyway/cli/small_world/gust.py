@@ -39,7 +39,7 @@ def passing_gust(
     times = [now + lasts * step / _STEPS for step in range(_STEPS + 1)]
 
     def gust(step: int, place: Position) -> float:
-        if step == _STEPS:
+        if step >= _STEPS:
             return 0.0
         middle = Position(
             centre.longitude_deg + step * _MOVES_DEG[0], centre.latitude_deg + step * _MOVES_DEG[1]

@@ -145,6 +145,7 @@ async def live_on(system: System, *, say: Callable[[str], None]) -> Never:
             api,
             network,
             operator_key=operator_key,
+            provider_ids=[fleet.provider_id for fleet in known.fleets.values()],
             clock=load_clock(system.folder.clock_file),
             chance=Random(_SEED),  # noqa: S311
             held_file=system.folder.path / "small-world-held.txt",

@@ -4,7 +4,7 @@ Everything is done by calls that an operator may make, so the console shows it b
 """
 
 from collections import Counter
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection
 from datetime import datetime, timedelta
 from itertools import cycle
 from pathlib import Path
@@ -50,6 +50,7 @@ class StoryOfTheDay:
         network: Network,
         *,
         operator_key: str,
+        provider_ids: Collection[str],
         clock: FleetClock,
         chance: Random,
         held_file: Path,
@@ -58,6 +59,8 @@ class StoryOfTheDay:
         self._api = api
         self._network = network
         self._operator_key = operator_key
+        #: Whose drones the story is about: those of other providers are left alone.
+        self._provider_ids = provider_ids
         self._clock = clock
         self._chance = chance
         #: The mission that the story holds, so that a later start lets it go on.
@@ -127,6 +130,7 @@ class StoryOfTheDay:
 
     async def delay_a_drone(self) -> bool:
         """Hold a drone at its next landing, and let it go on; whether there was one."""
+        await self._resume()
         for delivery in await self._in_progress():
             mission = delivery["missions"][-1]
             path = f"/v1/missions/{mission['mission_id']}/commands"
@@ -165,7 +169,8 @@ class StoryOfTheDay:
         missions = await self._flown()
         if not missions:
             return False
-        last = missions[0]["plan"]["steps"][-1]["station_id"]
+        steps = missions[0]["plan"]["steps"]
+        last = next(step["station_id"] for step in reversed(steps) if step["kind"] == "DELIVER")
         centre = self._network.stations[StationId(last)]
         begins_at = self._clock.now()
         await self._forecast(passing_gust(self._network, begins_at, centre.position, _GUST_LASTS))
@@ -179,9 +184,13 @@ class StoryOfTheDay:
         return True
 
     async def _in_progress(self) -> list[_Json]:
-        """The deliveries whose packages are in the air, in a random order."""
+        """The deliveries that the providers have in the air, in a random order."""
         page = await self._call("GET", "/v1/deliveries?state=IN_PROGRESS&limit=50")
-        found = [each for each in page["items"] if each["missions"]]
+        found = [
+            each
+            for each in page["items"]
+            if each["missions"] and each["missions"][-1]["provider_id"] in self._provider_ids
+        ]
         self._chance.shuffle(found)
         return found
 

@@ -195,7 +195,7 @@ def test_the_pickup_of_the_last_delivery_is_suggested_unless_one_is_chosen(
 
 
 def test_a_station_is_found_by_a_part_of_its_name(stage: StagedPage, page: Page) -> None:
-    named = deepcopy(TWO_STATIONS)
+    named: Any = deepcopy(TWO_STATIONS)
     named["features"][1]["properties"]["name"] = "Beta Square"
     stage.answers["/v1/networks/n"] = named
     page.reload()

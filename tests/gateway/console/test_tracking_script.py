@@ -58,7 +58,7 @@ def state(*, eta_s: float = 600.0, drones: Any = (), **members: Any) -> dict[str
     }
 
 
-WAITING = {"stage": "REQUESTED", "state": "REQUESTED", "is_waiting": True}
+WAITING: dict[str, Any] = {"stage": "REQUESTED", "state": "REQUESTED", "is_waiting": True}
 
 
 def ended(stage: str, **package: Any) -> dict[str, Any]:

@@ -1,11 +1,12 @@
 """Tracking links: a link shows its delivery, cannot be guessed, and ends when the customer says."""
 
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Any
 
 import pytest
 
-from skyway.contracts.track import Track, TrackedMission
+from skyway.contracts.track import Track, TrackedMission, TrackedStep
+from skyway.geo import Position
 from skyway.ids import DeliveryId, StationId
 from tests.gateway.access.test_quotas import replace_part
 from tests.gateway.whole_gateway import Gateway, make_request
@@ -210,6 +211,47 @@ async def test_the_page_shows_only_drones_that_carry_its_packages(gateway: Gatew
         await gateway.report(delivery_id, kind, seq=seq)
     assert await drones() == [{"position": [-98.05, 29.65], "at": None}]
     assert (await gateway.http.get(f"{path}/state")).json()["station_names"] == names
+
+
+async def test_the_way_begins_where_the_packages_are_loaded(gateway: Gateway) -> None:
+    delivery_id = await gateway.planned()
+    shown = await gateway.http.get(link(delivery_id), headers=gateway.customer)
+    path = path_of(shown.json()["tracking_url"])
+    home, pickup, end = Position(-98.2, 29.5), Position(-98.1, 29.6), Position(-98.0, 29.7)
+    began_at = gateway.clock.now()
+    steps = tuple(
+        TrackedStep(
+            kind=kind,
+            status="PLANNED",
+            from_position=start,
+            to_position=stop,
+            station_id=StationId("mcqueeney"),
+            start_at=began_at,
+            end_at=began_at + timedelta(seconds=60 * number),
+        )
+        for number, (kind, start, stop) in enumerate(
+            (("FLY", home, pickup), ("PICK_UP", pickup, pickup), ("FLY", pickup, end)), start=1
+        )
+    )
+    mission = TrackedMission(
+        mission_id=f"msn_{delivery_id[4:]}_1",
+        provider_id="prv_1",
+        drone_id="drn_1",
+        steps=steps,
+        position=None,
+        position_at=None,
+        soc=None,
+    )
+    gateway.composition.tracks[delivery_id] = Track(missions=(mission,))
+
+    gateway.clock.advance(timedelta(seconds=2))
+    state = (await gateway.http.get(f"{path}/state")).json()
+
+    [flight] = state["flights"]
+    assert (flight["from_position"], flight["to_position"]) == ([-98.1, 29.6], [-98.0, 29.7])
+    loaded_at = datetime.fromisoformat(state["loaded_at"])
+    assert loaded_at == began_at + timedelta(seconds=120)
+    assert datetime.fromisoformat(state["requested_at"]) <= began_at
 
 
 @pytest.mark.parametrize("method", ["GET", "POST", "DELETE"])

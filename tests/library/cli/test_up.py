@@ -105,7 +105,7 @@ async def test_a_refused_small_world_can_be_asked_for_again(
         lines.append(line)
         asyncio.get_running_loop().call_soon(system.folder.small_world_request.touch)
 
-    monkeypatch.setattr("skyway.cli.small_world.live_on", live_on)
+    monkeypatch.setattr("skyway.cli.small_world.living.live_on", live_on)
     keeping = asyncio.create_task(keep_small_world(system, say=say, at_once=True))
     async with asyncio.timeout(60):
         await lives.wait()

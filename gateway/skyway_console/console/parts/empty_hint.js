@@ -32,7 +32,8 @@ function SmallWorld() {
   }, []);
   return html`
     ${world === "AVAILABLE" && html`<${Begin} verb="Start a small world"
-      text="See everything move: three simulated fleets in Texas, and a delivery every few seconds."
+      text="See everything move: three simulated fleets in Texas, four shops that order every few seconds, and
+        something that happens every few minutes: a closure, a late drone, a gust."
       done="The small world starts. Its drones appear in a moment."
       action=${() => post("/v1/small-world").then(() => setWorld("REQUESTED"))} />`}
     ${world === "REQUESTED" && html`<p role="status">The small world starts…</p>`}`;
@@ -63,12 +64,14 @@ const OperatorsDeliveries = () => html`
   <pre>skyway request PICKUP --package DESTINATION=0.5</pre>`;
 
 const CustomersDeliveries = () => html`
-  <p>Ask for offers at <a href=${pathTo("new")}>New delivery</a>.</p>`;
+  <p>Your first delivery takes a minute: say where it goes, compare the offers, and take one.</p>
+  <p><a class="button main" href=${pathTo("new")}>New delivery</a></p>`;
 
 // The steps in their order: what is missing, and by role what to do about it.
 const STEPS = {
   network: {title: "There is no network yet",
-    operator: OperatorsNetwork, other: () => html`<p>An operator has to publish one.</p>`},
+    operator: OperatorsNetwork, other: () => html`<p>An operator has to publish one. Until then there is nothing to fly to:
+    ask the people who run this Skyway.</p>`},
   drones: {title: "There is no drone yet", operator: OperatorsDrones, provider: ProvidersDrones},
   deliveries: {title: "Nobody has requested a delivery yet",
     operator: OperatorsDeliveries, customer: CustomersDeliveries},

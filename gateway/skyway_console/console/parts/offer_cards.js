@@ -7,7 +7,8 @@ import {WORDS} from "../desk_words.js";
 import {ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {openView} from "../routes.js";
-import {distanceText, durationText, inWords, marginText, money, momentText, shortId, stationName} from "../words.js";
+import {distanceText, durationText, inWords, marginText, money, momentText, shortId, stationName}
+  from "../words.js";
 import {attempt} from "./messages.js";
 import {OfferNotes} from "./offer_notes.js";
 import {beginAgain, offeredWays, people} from "./request_draft.js";
@@ -24,8 +25,9 @@ const wayText = (ways) => ways.map((way) => way.map(stationName).join(" – ")).
 function Details({offer, quote}) {
   const {distance_m: distance, recharges, trips, energy_j: energy, ways, margins, packages} = offer;
   const charges = recharges > 0 ? `, charges ${recharges === 1 ? "once" : `${recharges} times`}` : "";
+  const flown = `${(distance / METRES_PER_KM).toFixed(1)} km${charges}${trips > 1 ? `, ${trips} trips` : ""}`;
   const lines = [
-    `${(distance / METRES_PER_KM).toFixed(1)} km${charges}${trips > 1 ? `, ${trips} trips` : ""}, ${Math.round(energy / JOULES_PER_WH)} Wh`,
+    `${flown}, ${Math.round(energy / JOULES_PER_WH)} Wh`,
     wayText(ways),
     ...(packages.length > 1 ? packages.map(({package_id: id, eta_at: eta}) => `${id}: ${momentText(eta)}`) : []),
     marginText(margins),
@@ -41,6 +43,7 @@ function OfferCard({offer, quote, name, isBest, isOpen, isChosen, onChoose, onTa
   const eta = lastOf(offer.packages, "eta_at");
   const p90 = lastOf(offer.packages, "eta_p90_at");
   const station = offer.pickup_station_id && stationName(offer.pickup_station_id);
+  const pickup = TEXT.pickup(momentText(offer.pickup_at), station);
   return html`
     <li class=${`card offer ${isChosen ? "chosen" : ""}`} data-offer=${offer.offer_id} onMouseEnter=${onChoose}
       onFocusCapture=${onChoose}>
@@ -49,9 +52,10 @@ function OfferCard({offer, quote, name, isBest, isOpen, isChosen, onChoose, onTa
       ${offer.pooled_price && html`<p class="hint">${TEXT.shared(money(offer.pooled_price))}</p>`}
       <p class="when">${p90 ? TEXT.likely(momentText(p90)) : TEXT.expected(momentText(eta))}</p>
       <p class="hint">${p90 ? `${TEXT.expected(momentText(eta))}, ` : ""}${distanceText(eta)}</p>
-      <p class="hint">${TEXT.pickup(momentText(offer.pickup_at), station)}${offer.is_held ? `. ${TEXT.held}` : ""}</p>
+      <p class="hint">${pickup}${offer.is_held ? `. ${TEXT.held}` : ""}</p>
       <${Details} offer=${offer} quote=${quote} />
-      <button class="main" disabled=${!isOpen} onClick=${onTake} aria-label=${TEXT.takeOf(name)}>${TEXT.take}</button>
+      <button class="main" disabled=${!isOpen} onClick=${onTake} aria-label=${TEXT.takeOf(name)}>
+        ${TEXT.take}</button>
     </li>`;
 }
 
@@ -107,7 +111,8 @@ export function OfferCards({quote, names, onRequest}) {
         <p class="hint">${leftS > 0 ? TEXT.holds(durationText(leftS)) : TEXT.over}</p>
         <ul class="cards offers" aria-label="Offers">
           ${offers.map((offer, number) => html`
-            <${OfferCard} key=${offer.offer_id} offer=${offer} quote=${quote} isBest=${number === 0 && offers.length > 1}
+            <${OfferCard} key=${offer.offer_id} offer=${offer} quote=${quote}
+              isBest=${number === 0 && offers.length > 1}
               name=${names[offer.provider_id] ?? shortId(offer.provider_id)}
               isOpen=${leftS > 0 && !isBusy} isChosen=${offer.offer_id === chosen}
               onChoose=${() => setChosen(offer.offer_id)} onTake=${() => take(offer)} />`)}

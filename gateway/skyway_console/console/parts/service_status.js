@@ -12,7 +12,7 @@ const SHOWN = 5;
 
 const TITLES = {
   PAUSED: "The service is paused: a request waits until drones may fly again.",
-  DEGRADED: "The service is restricted:",
+  DEGRADED: "Deliveries are accepted. Some things restrict them now.",
 };
 
 const untilText = ({until}) => (until ? ` (ends ${distanceText(until)})` : "");
@@ -31,10 +31,11 @@ export function ServiceStatus({networkId}) {
   return html`
     <div class="service-status ${status.status.toLowerCase()}" role="status" aria-label="Service status">
       ${isOnlyBusy ? html`<p>${BUSY_TEXT}</p>` : html`
-        <p>${TITLES[status.status]}</p>
-        <ul>
-          ${restrictions.slice(0, SHOWN).map((each) => html`<li>${restrictionText(each)}</li>`)}
-          ${hidden > 0 && html`<li>and ${hidden} more</li>`}
-        </ul>`}
+        <details class="more" open=${status.status === "PAUSED"}><summary>${TITLES[status.status]}</summary>
+          <ul>
+            ${restrictions.slice(0, SHOWN).map((each) => html`<li>${restrictionText(each)}</li>`)}
+            ${hidden > 0 && html`<li>and ${hidden} more</li>`}
+          </ul>
+        </details>`}
     </div>`;
 }

@@ -30,14 +30,14 @@ export function TrackingBox({path}) {
     <section class="tracking" aria-label="Tracking link">
       <h2>Tracking link</h2>
       ${url ? html`
-        <p>Whoever has <a href=${url} target="_blank" rel="noopener">this link</a> can follow the delivery.</p>
+        <p>Everybody with <a href=${url} target="_blank" rel="noopener">this link</a> can follow the delivery.</p>
         <${QrCode} text=${url} label="The link as a QR code" />
         <div class="commands">
           ${navigator.clipboard && html`<button onClick=${() => copy(url)}>Copy the link</button>`}
           <button onClick=${renew}>Another link</button>
           ${sure}
         </div>` : url === undefined ? html`
-        <p>Who has the link can follow the delivery without a key.</p>
+        <p>Everybody with the link can follow the delivery without a key.</p>
         <div class="commands"><button onClick=${show}>Show the link</button>${sure}</div>` : html`
         <p>There is no link. Nobody can follow the delivery without a key.</p>
         <button onClick=${renew}>Make a link</button>`}
