@@ -35,10 +35,12 @@ function groundFeatures(content) {
   };
 }
 
-// The data of the sources, and the named places, the largest first.
+// From rows of [name, longitude, latitude, people], the largest place first.
+export const placesOf = (rows) => rows.map(([name, longitude, latitude, people]) =>
+  ({name, position: [longitude, latitude], people}));
+
+// The data of the sources, and the named places.
 export async function readGround() {
   const content = await (await fetch("/console/map/ground.json")).json();
-  const places = content.places.map(([name, longitude, latitude, people]) =>
-    ({name, position: [longitude, latitude], people}));
-  return {features: groundFeatures(content), places};
+  return {features: groundFeatures(content), places: placesOf(content.places)};
 }

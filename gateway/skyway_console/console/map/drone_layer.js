@@ -122,7 +122,7 @@ export class DroneLayer {
     }
     for (const each of alone) {
       if (isWhole || each.droneId === this.selected) this.drawDrone(frame, each);
-      else drawPicture(context, smallPicture(this.lookOf(each, frame), frame.paint), each.point, SMALL_HALF_PX);
+      else drawPicture(context, smallPicture(each.track.drone, this.isOld(each, frame), frame.paint), each.point, SMALL_HALF_PX);
     }
     for (const cluster of this.clusters) drawCluster(context, cluster, frame.paint);
     this.drawNames(frame, alone, isWhole);
@@ -148,11 +148,16 @@ export class DroneLayer {
     return seen;
   }
 
-  lookOf({track: {drone}}, {nowMs, rate}) {
+  isOld({track: {drone}}, {nowMs, rate}) {
+    return this.isLive && isOld(drone, nowMs, rate);
+  }
+
+  lookOf(each, frame) {
+    const {drone} = each.track;
     return {
       airframe: airframe(drone.model_id), isFlying: drone.activity === "FLYING", heading: drone.heading_deg,
       soc: drone.soc, isBusy: Boolean(drone.mission_id), packages: this.aboard.get(drone.mission_id) ?? 0,
-      isOld: this.isLive && isOld(drone, nowMs, rate),
+      isOld: this.isOld(each, frame),
     };
   }
 

@@ -6,7 +6,7 @@ import {AttributionControl, Map as MapLibreMap, NavigationControl, setWorkerUrl}
 import {droneName} from "../drone_names.js";
 import {clockTime, stationName} from "../words.js";
 import {learnAirframes} from "./airframes.js";
-import {SOURCES_TEXT, readGround} from "./base_map.js";
+import {SOURCES_TEXT, placesOf, readGround} from "./base_map.js";
 import {onThemeChange} from "./colours.js";
 import {DroneLayer} from "./drone_layer.js";
 import {
@@ -14,7 +14,7 @@ import {
 } from "./features.js";
 import {mapStyle, segmentsOf} from "./layers.js";
 import {collectionNear, drawAround, near} from "./longitudes.js";
-import {readOwnStyle} from "./own_base_map.js";
+import {readOwnMap} from "./own_base_map.js";
 import {StationLayer} from "./station_layer.js";
 
 setWorkerUrl("/console/vendor/maplibre-gl-worker.mjs");
@@ -47,7 +47,7 @@ export class FleetMap {
     this.map.on("mousemove", (event) => this.pointAt(this.drones.whatIsAt(event.point)));
     this.isReady = new Promise((resolve) => this.map.once("load", resolve));
     this.isReady.then(() => this.showGround());
-    this.leaveTheme = onThemeChange(() => this.map.setStyle(mapStyle(this.ownStyle)));
+    this.leaveTheme = onThemeChange(() => this.map.setStyle(mapStyle(this.ownMap)));
     this.map.on("style.load", () => this.putAll());
     learnAirframes().then(() => this.drones.ask());
   }
@@ -146,17 +146,18 @@ export class FleetMap {
 
   // What lies below the fleet comes after the fleet: the first picture does not wait for it.
   async showGround() {
-    this.ownStyle = await readOwnStyle();
+    this.ownMap = await readOwnMap();
     if (this.isGone) return;
     const attribution = new AttributionControl({
-      compact: true, ...(this.ownStyle ? {} : {customAttribution: SOURCES_TEXT}),
+      compact: true, ...(this.ownMap ? {} : {customAttribution: SOURCES_TEXT}),
     });
     this.map.addControl(attribution, "bottom-right");
     // It begins as a button: the panels need the place.
     this.map.getContainer().querySelector("details.maplibregl-ctrl-attrib")?.removeAttribute("open");
     this.map.getContainer().querySelector(".maplibregl-compact-show")?.classList.remove("maplibregl-compact-show");
-    if (this.ownStyle) {
-      this.map.setStyle(mapStyle(this.ownStyle));
+    if (this.ownMap) {
+      this.map.setStyle(mapStyle(this.ownMap));
+      this.stations.showPlaces(placesOf(this.ownMap.places));
       return;
     }
     const {features, places} = await readGround();

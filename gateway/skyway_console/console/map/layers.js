@@ -1,7 +1,7 @@
 // The layers of the map, from the ground up: water and land, segments, closures, where the open drone
 // could land instead, its plan. Names, stations and drones are drawn on canvases above.
 
-import {colours} from "./colours.js";
+import {colours, isDark} from "./colours.js";
 
 export const NOTHING = {type: "FeatureCollection", features: []};
 
@@ -17,7 +17,8 @@ const source = (id) => [id, {
 }];
 
 // The style of the map: an operator's own base map below the fleet, or the ground that comes with it.
-export function mapStyle(own) {
+export function mapStyle(ownMap) {
+  const own = ownMap && (isDark() ? ownMap.dark : ownMap.light);
   return {
     version: 8,
     ...own,
