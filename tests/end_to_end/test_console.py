@@ -110,9 +110,9 @@ def test_a_click_on_the_map_opens_what_is_there(console: ConsolePage, system: An
     page = console.page
     shown_network(page, "clicked")
     page.wait_for_function(
-        f"() => {MAP}.drones.stations.some(({{stationId}}) => stationId === 'clicked-t3')"
+        f"() => {MAP}.stations.stations.some(({{stationId}}) => stationId === 'clicked-t3')"
     )
-    click_map(page, "drones.stations.find(({stationId}) => stationId === 'clicked-t3').position")
+    click_map(page, "stations.stations.find(({stationId}) => stationId === 'clicked-t3').position")
 
     expect(console.panel("Station")).to_contain_text("Clicked T3")
 

@@ -7,7 +7,6 @@ export const NOTHING = {type: "FeatureCollection", features: []};
 
 const GROUND = ["land", "lakes", "counties", "rivers", "states", "countries", "people"];
 const FLEET = ["segments", "closures", "alternatives", "plan", "draft"];
-export const SOURCES = [...GROUND, ...FLEET];
 
 // What the ground shows is no finer than that: deeper tiles enlarge it.
 const GROUND_ZOOM = 11;
@@ -22,7 +21,7 @@ export function mapStyle(ownMap) {
   return {
     version: 8,
     ...own,
-    sources: {...own?.sources, ...Object.fromEntries(SOURCES.map(source))},
+    sources: {...own?.sources, ...Object.fromEntries([...(own ? [] : GROUND), ...FLEET].map(source))},
     layers: [...(own?.layers ?? groundLayers()), ...fleetLayers()],
   };
 }
