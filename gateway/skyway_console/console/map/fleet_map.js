@@ -12,7 +12,7 @@ import {DroneLayer} from "./drone_layer.js";
 import {
   alternativeLines, closureShapes, planLines, segmentLines, stationPoints, stationsOf, stopsAhead,
 } from "./features.js";
-import {mapStyle, segmentsOf} from "./layers.js";
+import {groundColour, mapStyle, segmentsOf} from "./layers.js";
 import {collectionNear, drawAround, near} from "./longitudes.js";
 import {readOwnMap} from "./own_base_map.js";
 import {StationLayer} from "./station_layer.js";
@@ -43,11 +43,12 @@ export class FleetMap {
     this.drawn = {};
     this.opened = null;
     this.isGone = false;
+    this.hasGround = false;
     this.map.on("click", (event) => this.click(this.whatIsAt(event), onClick));
     this.map.on("mousemove", (event) => this.pointAt(this.drones.whatIsAt(event.point)));
     this.isReady = new Promise((resolve) => this.map.once("load", resolve));
     this.isReady.then(() => this.showGround());
-    this.leaveTheme = onThemeChange(() => this.map.setStyle(mapStyle(this.ownMap)));
+    this.leaveTheme = onThemeChange(() => this.map.setStyle(mapStyle(this.ownMap, this.hasGround)));
     this.map.on("style.load", () => this.putAll());
     learnAirframes().then(() => this.drones.ask());
   }
@@ -164,6 +165,11 @@ export class FleetMap {
     if (this.isGone) return;
     for (const [source, data] of Object.entries(features)) this.draw(source, data);
     this.stations.showPlaces(places);
+    // The land first, then the sea around it.
+    await this.map.once("idle");
+    if (this.isGone) return;
+    this.hasGround = true;
+    this.map.setPaintProperty("background", "background-color", groundColour(true));
   }
 
   put(source, features) {

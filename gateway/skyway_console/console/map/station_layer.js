@@ -139,7 +139,10 @@ export class StationLayer {
 
   write(context, text, point, distance) {
     const width = textWidth(context, text);
-    const box = this.space.takeFirst(boxesAround(point, width, 15, distance));
+    // A name that the edge of the screen would cut stands on the other side, or nowhere.
+    const right = this.map.getContainer().clientWidth;
+    const whole = boxesAround(point, width, 15, distance).filter((each) => each[0] >= 0 && each[2] <= right);
+    const box = this.space.takeFirst(whole);
     if (!box) return;
     context.textAlign = "left";
     const y = (box[1] + box[3]) / 2;

@@ -16,19 +16,21 @@ import {MissionCommands} from "./mission_commands.js";
 import {Panel} from "./panel.js";
 import {StepList} from "./step_list.js";
 
+const DOES = {RECHARGING: "Recharges", WAITING: "Waits", LOADING: "Takes packages on board",
+  DELIVERING: "Hands packages over", IDLE: "Stands"};
+
 // What it does now, in one sentence.
-function doesText({activity, state, station_id: stationId, next_landing: landing}, mission) {
-  const place = stationId && stationName(stationId);
-  const step = Object.values(mission?.steps ?? {}).find(({status}) => status !== "ENDED");
-  const until = step?.end_at ? ` until ${clockTime(step.end_at)}` : "";
+function doesText({activity = "IDLE", station_id: stationId, next_landing: landing}, mission) {
   if (activity === "FLYING") {
     return landing
       ? `Flies to ${stationName(landing.station_id)}, lands at ${clockTime(landing.at)}, ${distanceText(landing.at)}.`
       : "Is in flight.";
   }
-  if (activity === "RECHARGING") return `Recharges${place ? ` at ${place}` : ""}${mission ? until : ""}.`;
-  if (activity === "IDLE" || !activity) return place ? `Stands at ${place}, ${inWords(state ?? "").toLowerCase()}.` : "";
-  return `${inWords(activity)}${place ? ` at ${place}` : ""}${mission ? until : ""}.`;
+  const step = Object.values(mission?.steps ?? {}).find(({status}) => status !== "ENDED");
+  const ends = step?.kind === "FLY" ? step.start_at : step?.end_at;
+  const place = stationId ? ` at ${stationName(stationId)}` : "";
+  const until = ends && Date.parse(ends) > fleetNow() ? ` until ${clockTime(ends)}` : "";
+  return `${DOES[activity] ?? inWords(activity)}${place}${until}.`;
 }
 
 // Old readings are said: the drone may be elsewhere, and its mark on the map is faint.
