@@ -43,9 +43,7 @@ def console_command(
 
 @console_app.command("base-map")
 def base_map_command(
-    file: Annotated[
-        Path, typer.Argument(exists=True, dir_okay=False, help="GeoJSON or PMTiles of a region.")
-    ],
+    file: Annotated[Path, typer.Argument(help="GeoJSON or PMTiles of a region.")],
     into: Annotated[Path, typer.Option(help="The folder that is made, for SKYWAY_CONSOLE_MAP.")],
     layer_property: Annotated[
         str, typer.Option(help="The property of a GeoJSON feature that names its layer.")
