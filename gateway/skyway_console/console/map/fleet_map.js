@@ -98,7 +98,8 @@ export class FleetMap {
     const {x, y} = this.map.project(near(position));
     const {clientWidth: width, clientHeight: height} = this.map.getContainer();
     const isPhone = width <= PHONE_PX;
-    const [right, bottom] = isPhone ? [width - EDGE_PX, height * SHEET_SHARE] : [width - PANEL_PX, height - EDGE_PX];
+    const [right, bottom] = isPhone
+      ? [width - EDGE_PX, height * SHEET_SHARE] : [width - PANEL_PX, height - EDGE_PX];
     if (x > EDGE_PX && y > EDGE_PX && x < right && y < bottom) return;
     const offset = isPhone ? [0, (-height * (1 - SHEET_SHARE)) / 2] : [-PANEL_PX / 2, 0];
     this.map.panTo(near(position), {offset});

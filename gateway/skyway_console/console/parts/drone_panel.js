@@ -23,7 +23,8 @@ const DOES = {RECHARGING: "Recharges", WAITING: "Waits", LOADING: "Takes package
 function doesText({activity = "IDLE", station_id: stationId, next_landing: landing}, mission) {
   if (activity === "FLYING") {
     return landing
-      ? `Flies to ${stationName(landing.station_id)}, lands at ${clockTime(landing.at)}, ${distanceText(landing.at)}.`
+      ? `Flies to ${stationName(landing.station_id)}, lands at ${clockTime(landing.at)}, ${
+        distanceText(landing.at)}.`
       : "Is in flight.";
   }
   const step = Object.values(mission?.steps ?? {}).find(({status}) => status !== "ENDED");
@@ -55,7 +56,8 @@ function droneFacts(drone, mission) {
 
 // The ground speed of the flight that goes on, by its plan.
 function speedKmh(drone, mission) {
-  const flight = Object.values(mission?.steps ?? {}).find(({kind, status}) => kind === "FLY" && status !== "ENDED");
+  const flight = Object.values(mission?.steps ?? {})
+    .find(({kind, status}) => kind === "FLY" && status !== "ENDED");
   if (!flight?.from_position) return null;
   const hours = (Date.parse(flight.end_at) - Date.parse(flight.start_at)) / 3_600_000;
   return hours > 0 ? Math.round(kilometres(flight.from_position, flight.position) / hours) : null;
@@ -63,10 +65,12 @@ function speedKmh(drone, mission) {
 
 // "the delivery to Kirby and Selma", where somebody waits for it.
 function deliveryText({delivery_id: deliveryId, steps}) {
-  const stations = new Set(Object.values(steps).filter(({kind}) => kind === "DELIVER").map((step) => step.station_id));
+  const ends = Object.values(steps).filter(({kind}) => kind === "DELIVER");
+  const stations = new Set(ends.map(({station_id: stationId}) => stationId));
   const {reference} = picture.deliveries.value[deliveryId] ?? {};
   if (reference) return `delivery ${reference}`;
-  return stations.size ? `the delivery to ${[...stations].map(stationName).join(", ")}` : `delivery ${shortId(deliveryId)}`;
+  return stations.size
+    ? `the delivery to ${[...stations].map(stationName).join(", ")}` : `delivery ${shortId(deliveryId)}`;
 }
 
 const copyId = (droneId) => attempt(() => navigator.clipboard.writeText(droneId), "The id is copied.");
