@@ -94,10 +94,10 @@ def shown_network(page: Page, name: str) -> None:
 
 
 def click_map(page: Page, position: str) -> None:
-    """Click the map at a position, an expression of JavaScript in which `drones` is its layer."""
+    """Click the map at a position, in JavaScript with the layers `drones` and `stations`."""
     x, y = page.evaluate(
         f"""() => {{
-          const {{map, drones}} = {MAP};
+          const {{map, drones, stations}} = {MAP};
           const {{x, y}} = map.project({position});
           const {{left, top}} = map.getCanvas().getBoundingClientRect();
           return [x + left, y + top];
