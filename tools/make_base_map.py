@@ -23,6 +23,7 @@ import struct
 import sys
 from collections.abc import Iterable, Iterator
 from importlib.resources import files
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -36,7 +37,7 @@ TARGET: Final = Path(__file__).parent.parent / "gateway/skyway_console/console/m
 #: The whole file compressed, as the gateway sends it.
 MOST_BYTES: Final = 1_500_000
 
-#: The box that is kept in detail: Texas' corridor and what lies around it; west, south, east, north.
+#: The box that is kept in detail, around the bundled network: west, south, east, north.
 BOX: Final = (-100.2, 28.2, -96.2, 31.2)
 
 #: Steps of the grid that coordinates are rounded to, degrees; about 11 m.
@@ -75,22 +76,25 @@ def main(folder: Path) -> None:
     pieces = list(waters(folder))
     layers = {
         "land": list(simplified(ring for ring in natural_earth("land") if is_large(ring))),
-        "lakes": list(simplified([*filter(is_large, natural_earth("lakes")), *filter(is_lake, pieces)])),
+        "lakes": list(
+            simplified([*filter(is_large, natural_earth("lakes")), *filter(is_lake, pieces)])
+        ),
         "states": list(simplified(joined(natural_earth("admin_1_states_provinces_lines")))),
         "countries": list(simplified(joined(natural_earth("admin_0_boundary_lines_land")))),
         "counties": list(simplified(line for line in counties() if touches_box(line))),
         "rivers": list(simplified([*joined(rivers(folder)), *traced(pieces)])),
     }
+    named = places()
     document = {
         "grid_deg": GRID_DEG,
         **{name: [steps(line) for line in lines] for name, lines in layers.items()},
-        "places": places(),
+        "places": named,
     }
     text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
     size = len(gzip.compress(text.encode(), compresslevel=6))
     for name, lines in layers.items():
         print(f"{name}: {len(lines)} lines, {sum(map(len, lines))} points")
-    print(f"{len(document['places'])} places; {size} bytes compressed")
+    print(f"{len(named)} places; {size} bytes compressed")
     if size > MOST_BYTES:
         raise SystemExit(f"{size} bytes are more than {MOST_BYTES}")
     TARGET.write_text(text + "\n", encoding="utf-8")
@@ -123,7 +127,7 @@ def _parts(record: bytes) -> Iterator[Line]:
     parts, points = struct.unpack_from("<2i", record, 36)
     begins = [*struct.unpack_from(f"<{parts}i", record, 44), points]
     flat = np.frombuffer(record, "<f8", 2 * points, 44 + 4 * parts).reshape(-1, 2)
-    for begin, end in zip(begins[:-1], begins[1:], strict=True):
+    for begin, end in pairwise(begins):
         yield [(float(x), float(y)) for x, y in flat[begin:end]]
 
 
@@ -153,9 +157,7 @@ def _river(
     across = read["Relative_longitude_from_SW_corner_of_bin"][points].astype(np.uint16) * scale
     up = read["Relative_latitude_from_SW_corner_of_bin"][points].astype(np.uint16) * scale
     longitudes = (west + across + 180) % 360 - 180
-    return [
-        (float(x), float(y)) for x, y in zip(longitudes, south + up, strict=True)
-    ]
+    return [(float(x), float(y)) for x, y in zip(longitudes, south + up, strict=True)]
 
 
 def waters(folder: Path) -> Iterator[Line]:
@@ -182,7 +184,9 @@ def _smooth(line: Line) -> Line:
     if len(points) > 2:
         points[1:-1] = (points[:-2] + 2 * points[1:-1] + points[2:]) / 4
     for _ in range(2):
-        cut = np.stack([0.75 * points[:-1] + 0.25 * points[1:], 0.25 * points[:-1] + 0.75 * points[1:]])
+        cut = np.stack(
+            [0.75 * points[:-1] + 0.25 * points[1:], 0.25 * points[:-1] + 0.75 * points[1:]]
+        )
         points = np.concatenate([points[:1], cut.transpose(1, 0, 2).reshape(-1, 2), points[-1:]])
     return [(float(x), float(y)) for x, y in points]
 

@@ -49,8 +49,8 @@ class GatewaySettings(CellSettings):
     console_map: Path | None = Field(
         default=None,
         description="A folder with the console's base map: `style.json`, a MapLibre style, and the "
-        "files that it names, such as PMTiles. Without it the console draws outlines of countries "
-        "and of counties of the United States.",
+        "files that it names, such as PMTiles; `skyway console base-map` makes one. Without it the "
+        "console draws the map of the world that comes with Skyway.",
     )
     bookings_at_once: int = Field(
         default=8, ge=1, le=MOST_QUERIES, description="Deliveries that are booked at the same time."

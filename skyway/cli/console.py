@@ -1,6 +1,7 @@
 """Ways to watch a running Skyway: `skyway console` in a browser, `skyway top` in a terminal."""
 
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -17,7 +18,12 @@ class ConsoleRole(StrEnum):
     CUSTOMER = "customer"
 
 
+console_app = typer.Typer()
+
+
+@console_app.callback(invoke_without_command=True)
 def console_command(
+    context: typer.Context,
     role: Annotated[
         ConsoleRole | None,
         typer.Option(
@@ -28,9 +34,30 @@ def console_command(
     data: DataOption = None,
 ) -> None:
     """Print a link to the console that logs a browser in once, within ten minutes."""
+    if context.invoked_subcommand is not None:
+        return
     key_name = None if role is None else f"SKYWAY_{role.name}_KEY"
     link = call_gateway("POST", "/v1/session-links", key_name=key_name, folder=data_folder(data))
     typer.echo(link["url"])
+
+
+@console_app.command("base-map")
+def base_map_command(
+    file: Annotated[Path, typer.Argument(help="GeoJSON or PMTiles of a region.")],
+    into: Annotated[Path, typer.Option(help="The folder that is made, for SKYWAY_CONSOLE_MAP.")],
+    layer_property: Annotated[
+        str, typer.Option(help="The property of a GeoJSON feature that names its layer.")
+    ] = "layer",
+    tolerance_m: Annotated[
+        float,
+        typer.Option(min=0, max=10_000, help="How far lines of GeoJSON may move, in metres."),
+    ] = 20.0,
+) -> None:
+    """Make the folder of the console's base map from a GeoJSON or PMTiles file."""
+    from skyway.cli.base_map import make_base_map
+
+    shown = make_base_map(file, into, layer_property=layer_property, tolerance_m=tolerance_m)
+    typer.echo(f"{into} shows: {', '.join(shown)}. Start with SKYWAY_CONSOLE_MAP={into}")
 
 
 def top_command(

@@ -26,7 +26,7 @@ _COMMANDS: Final = {
     "register": "drones.register:register_app",
     "battery": "drones.upkeep:battery_app",
     "maintenance": "drones.upkeep:maintenance_app",
-    "console": "console:console_command",
+    "console": "console:console_app",
     "sandbox": "sandbox:sandbox_command",
     "alarms": "alarms:alarms_command",
     "mission": "mission:mission_app",

@@ -94,10 +94,10 @@ def shown_network(page: Page, name: str) -> None:
 
 
 def click_map(page: Page, position: str) -> None:
-    """Click the map at a position, an expression of JavaScript in which `drones` is its layer."""
+    """Click the map at a position, in JavaScript with the layers `drones` and `stations`."""
     x, y = page.evaluate(
         f"""() => {{
-          const {{map, drones}} = {MAP};
+          const {{map, drones, stations}} = {MAP};
           const {{x, y}} = map.project({position});
           const {{left, top}} = map.getCanvas().getBoundingClientRect();
           return [x + left, y + top];
@@ -110,9 +110,9 @@ def test_a_click_on_the_map_opens_what_is_there(console: ConsolePage, system: An
     page = console.page
     shown_network(page, "clicked")
     page.wait_for_function(
-        f"() => {MAP}.drones.stations.some(({{stationId}}) => stationId === 'clicked-t3')"
+        f"() => {MAP}.stations.stations.some(({{stationId}}) => stationId === 'clicked-t3')"
     )
-    click_map(page, "drones.stations.find(({stationId}) => stationId === 'clicked-t3').position")
+    click_map(page, "stations.stations.find(({stationId}) => stationId === 'clicked-t3').position")
 
     expect(console.panel("Station")).to_contain_text("Clicked T3")
 

@@ -30,7 +30,10 @@ PACKAGES: Final[list[dict[str, Any]]] = tomllib.loads(
 MOST_SCRIPTS_KB: Final = 700
 
 #: Data of the base map; all else is small.
-OUTLINES: Final = {"vendor/us-counties.json", "vendor/countries.json"}
+GROUND: Final = {"map/ground.json", "map/ground-licences.txt"}
+
+#: The base map that comes with Skyway, as the gateway sends it.
+MOST_GROUND_BYTES: Final = 1_500_000
 
 _IMPORTS: Final = re.compile(r'^import\s[^"]*"([^"]+)";', re.MULTILINE)
 
@@ -179,7 +182,17 @@ def test_each_file_is_used() -> None:
     ]
 
     assert unused == []
-    assert set(console_files()) >= OUTLINES
+    assert set(console_files()) >= GROUND
+
+
+def test_the_base_map_is_small_and_names_its_sources() -> None:
+    ground = console_files()["map/ground.json"]
+    sources = console_files()["map/base_map.js"].content.decode()
+
+    assert len(ground.compressed) <= MOST_GROUND_BYTES
+    for name in ("Natural Earth", "US Census", "GSHHG", "OpenStreetMap", "GeoNames"):
+        assert name in sources
+        assert name in console_files()["map/ground-licences.txt"].content.decode()
 
 
 def test_no_script_writes_markup() -> None:

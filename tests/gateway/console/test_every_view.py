@@ -132,7 +132,7 @@ def test_an_own_base_map_lies_below_the_fleet(stage: StagedPage) -> None:
         "document.querySelector('.map').fleetMap.map.getStyle().layers.map(({id}) => id)"
     )
     assert layers[0] == "lakes"
-    assert "stations" in layers
+    assert "segments" in layers
 
 
 def test_an_own_base_map_may_be_one_file_of_tiles(stage: StagedPage, tmp_path: Path) -> None:

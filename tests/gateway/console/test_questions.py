@@ -203,17 +203,17 @@ def test_requests_that_wait_for_a_drone_are_in_the_schedule(stage: StagedPage) -
 
 
 def test_a_station_is_drawn_where_the_map_has_it(two_stations: StagedPage) -> None:
-    """The layer of the drones places points by itself, for speed: as the map does."""
+    """The layer of the stations places points by itself, for speed: as the map does."""
     page = two_stations.open("/console#/map").page
     page.wait_for_function(
-        "() => document.querySelector('.map')?.fleetMap?.drones.stations.length === 2"
+        "() => document.querySelector('.map')?.fleetMap?.stations.stations.length === 2"
     )
     apart = page.evaluate(
         """async () => {
           const {mercator, screenOf} = await import("/console/map/mercator.js");
-          const {map, drones} = document.querySelector(".map").fleetMap;
+          const {map, stations} = document.querySelector(".map").fleetMap;
           const toScreen = screenOf(map);
-          return Math.max(...drones.stations.map(({position}) => {
+          return Math.max(...stations.stations.map(({position}) => {
             const [x, y] = toScreen(mercator(position));
             const right = map.project(position);
             return Math.hypot(x - right.x, y - right.y);

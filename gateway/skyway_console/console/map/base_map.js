@@ -2,7 +2,8 @@
 // tools/make_base_map.py writes ground.json and names the sources.
 
 // What the licences ask a map to say.
-export const SOURCES_TEXT = "Natural Earth · US Census · GSHHG (LGPL) · © OpenStreetMap (ODbL) · GeoNames (CC BY 4.0)";
+export const SOURCES_TEXT =
+  "Natural Earth · US Census · GSHHG (LGPL) · © OpenStreetMap (ODbL) · GeoNames (CC BY 4.0)";
 
 // Kilometres of land around a place for each person of a city, as a tint: people, not an outline.
 const KM_OF = (people) => Math.sqrt(people / 5_000);
@@ -29,16 +30,19 @@ function groundFeatures(content) {
   const multiLine = (name) => collection([feature("MultiLineString", lines(name))]);
   return {
     land: areas("land"), lakes: areas("lakes"),
-    counties: multiLine("counties"), rivers: multiLine("rivers"), states: multiLine("states"), countries: multiLine("countries"),
+    counties: multiLine("counties"), rivers: multiLine("rivers"),
+    states: multiLine("states"), countries: multiLine("countries"),
     people: collection(content.places.map(([, longitude, latitude, people]) =>
       feature("Point", [longitude, latitude], {km: KM_OF(people)}))),
   };
 }
 
-// The data of the sources, and the named places, the largest first.
+// From rows of [name, longitude, latitude, people], the largest place first.
+export const placesOf = (rows) => rows.map(([name, longitude, latitude, people]) =>
+  ({name, position: [longitude, latitude], people}));
+
+// The data of the sources, and the named places.
 export async function readGround() {
   const content = await (await fetch("/console/map/ground.json")).json();
-  const places = content.places.map(([name, longitude, latitude, people]) =>
-    ({name, position: [longitude, latitude], people}));
-  return {features: groundFeatures(content), places};
+  return {features: groundFeatures(content), places: placesOf(content.places)};
 }

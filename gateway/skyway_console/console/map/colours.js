@@ -18,7 +18,8 @@ const DARK = {
 
 const darkTheme = matchMedia("(prefers-color-scheme: dark)");
 
-export const colours = () => (darkTheme.matches ? DARK : LIGHT);
+export const isDark = () => darkTheme.matches;
+export const colours = () => (isDark() ? DARK : LIGHT);
 // The colour of an element: the browser changes it with the theme.
 export const colourInBothThemes = (name) => `light-dark(${LIGHT[name]}, ${DARK[name]})`;
 // Runs an action when the theme changes; the answer is a function that ends this.

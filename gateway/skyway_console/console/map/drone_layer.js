@@ -29,7 +29,7 @@ const FRAME_MS = 16;
 const LONGEST_MS = 1_000;
 
 export class DroneLayer {
-  // `names` is called with a drone's id and the name that it has; `stations` is the layer below.
+  // `nameOf` is called with a drone's id and the name that it has; `stations` is the layer below.
   constructor(map, stations, {isLive = false, nameOf = (droneId) => droneId} = {}) {
     Object.assign(this, {map, stations, isLive, nameOf});
     this.canvas = addCanvas(map, "drone-layer");
@@ -78,7 +78,8 @@ export class DroneLayer {
       tracks.set(droneId, track);
     }
     this.tracks = tracks;
-    this.stations.keepFree(Object.values(drones).map((drone) => drone.activity !== "FLYING" && drone.station_id));
+    const standing = Object.values(drones).filter(({activity}) => activity !== "FLYING");
+    this.stations.keepFree(standing.map(({station_id: stationId}) => stationId).filter(Boolean));
     this.aboard = packagesAboard(missions);
     this.ask();
   }
@@ -122,7 +123,7 @@ export class DroneLayer {
     }
     for (const each of alone) {
       if (isWhole || each.droneId === this.selected) this.drawDrone(frame, each);
-      else drawPicture(context, smallPicture(this.lookOf(each, frame), frame.paint), each.point, SMALL_HALF_PX);
+      else this.drawSmall(frame, each);
     }
     for (const cluster of this.clusters) drawCluster(context, cluster, frame.paint);
     this.drawNames(frame, alone, isWhole);
@@ -148,11 +149,16 @@ export class DroneLayer {
     return seen;
   }
 
-  lookOf({track: {drone}}, {nowMs, rate}) {
+  isOld({track: {drone}}, {nowMs, rate}) {
+    return this.isLive && isOld(drone, nowMs, rate);
+  }
+
+  lookOf(each, frame) {
+    const {drone} = each.track;
     return {
       airframe: airframe(drone.model_id), isFlying: drone.activity === "FLYING", heading: drone.heading_deg,
       soc: drone.soc, isBusy: Boolean(drone.mission_id), packages: this.aboard.get(drone.mission_id) ?? 0,
-      isOld: this.isLive && isOld(drone, nowMs, rate),
+      isOld: this.isOld(each, frame),
     };
   }
 
@@ -161,6 +167,11 @@ export class DroneLayer {
     if (each.droneId === this.selected) drawRing(context, each.point, paint.selected);
     if (each.track.drone.faults?.length) drawRing(context, each.point, paint.full);
     drawPicture(context, dronePicture(this.lookOf(each, frame), paint), each.point, HALF_PX * sizeAt(frame.zoom));
+  }
+
+  drawSmall(frame, each) {
+    const picture = smallPicture(each.track.drone, this.isOld(each, frame), frame.paint);
+    drawPicture(frame.context, picture, each.point, SMALL_HALF_PX);
   }
 
   // Where it was in the last minutes: the older, the fainter.

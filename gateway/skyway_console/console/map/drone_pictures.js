@@ -12,6 +12,10 @@ const CHARGES = 16;
 // More pictures than that are forgotten: another theme or screen makes them anew.
 const MOST_PICTURES = 4_000;
 
+// The corners of a small drone that flies north, and of one that stands.
+const ARROW = [[0, -7], [5, 6], [0, 3], [-5, 6]];
+const SQUARE = [[-3, -3], [3, -3], [3, 3], [-3, 3]];
+
 const pictures = new Map();
 
 // `look` is {airframe, isFlying, heading, soc, isBusy, packages, isOld}.
@@ -25,22 +29,38 @@ export function dronePicture(look, paint) {
   return kept(key, HALF_PX, (context) => drawWhole(context, {...look, turn, charge, colour, ring}, paint));
 }
 
+// By theme and screen: the pictures of many drones by a number, which is found faster than a text.
+let small = {paint: null, ratio: 0, pictures: new Map()};
+
 // One of many drones: its heading and whether its charge is low.
-export function smallPicture(look, paint) {
-  const turn = look.isFlying ? (Math.round((look.heading ?? 0) / TURN_DEG) * TURN_DEG) % 360 : 0;
-  const colour = look.isFlying && look.soc < LOW_CHARGE ? paint.low : look.isBusy ? paint.drone : paint.idle;
-  const key = `small ${look.isFlying} ${turn} ${colour} ${look.isOld} ${paint.halo} ${devicePixelRatio}`;
-  return kept(key, SMALL_HALF_PX, (context) => {
-    if (look.isOld) context.globalAlpha = 0.4;
-    context.rotate((turn * Math.PI) / 180);
-    path(context, look.isFlying ? [[0, -7], [5, 6], [0, 3], [-5, 6]] : [[-3, -3], [3, -3], [3, 3], [-3, 3]]);
-    paintShape(context, colour, paint.halo, 1);
-  });
+export function smallPicture({activity, soc, heading_deg: heading, mission_id: missionId}, isOld, paint) {
+  if (small.paint !== paint || small.ratio !== devicePixelRatio) {
+    small = {paint, ratio: devicePixelRatio, pictures: new Map()};
+  }
+  const isFlying = activity === "FLYING";
+  const turn = isFlying ? Math.round((heading ?? 0) / TURN_DEG) % (360 / TURN_DEG) : 0;
+  const meaning = isFlying && soc < LOW_CHARGE ? 0 : missionId ? 1 : 2;
+  const key = ((turn * 3 + meaning) * 2 + Number(isFlying)) * 2 + Number(isOld);
+  if (!small.pictures.has(key)) {
+    const colour = [paint.low, paint.drone, paint.idle][meaning];
+    small.pictures.set(key, drawn(SMALL_HALF_PX, (context) => {
+      if (isOld) context.globalAlpha = 0.4;
+      context.rotate((turn * TURN_DEG * Math.PI) / 180);
+      path(context, isFlying ? ARROW : SQUARE);
+      paintShape(context, colour, paint.halo, 1);
+    }));
+  }
+  return small.pictures.get(key);
 }
 
 function kept(key, half, draw) {
   if (pictures.has(key)) return pictures.get(key);
   if (pictures.size >= MOST_PICTURES) pictures.clear();
+  pictures.set(key, drawn(half, draw));
+  return pictures.get(key);
+}
+
+function drawn(half, draw) {
   const canvas = document.createElement("canvas");
   const size = 2 * half * devicePixelRatio;
   Object.assign(canvas, {width: size, height: size});
@@ -48,7 +68,6 @@ function kept(key, half, draw) {
   context.scale(devicePixelRatio, devicePixelRatio);
   context.translate(half, half);
   draw(context);
-  pictures.set(key, canvas);
   return canvas;
 }
 

@@ -6,15 +6,15 @@ import {AttributionControl, Map as MapLibreMap, NavigationControl, setWorkerUrl}
 import {droneName} from "../drone_names.js";
 import {clockTime, stationName} from "../words.js";
 import {learnAirframes} from "./airframes.js";
-import {SOURCES_TEXT, readGround} from "./base_map.js";
+import {SOURCES_TEXT, placesOf, readGround} from "./base_map.js";
 import {onThemeChange} from "./colours.js";
 import {DroneLayer} from "./drone_layer.js";
 import {
   alternativeLines, closureShapes, planLines, segmentLines, stationPoints, stationsOf, stopsAhead,
 } from "./features.js";
-import {mapStyle, segmentsOf} from "./layers.js";
+import {groundColour, mapStyle, segmentsOf} from "./layers.js";
 import {collectionNear, drawAround, near} from "./longitudes.js";
-import {readOwnStyle} from "./own_base_map.js";
+import {readOwnMap} from "./own_base_map.js";
 import {StationLayer} from "./station_layer.js";
 
 setWorkerUrl("/console/vendor/maplibre-gl-worker.mjs");
@@ -43,11 +43,12 @@ export class FleetMap {
     this.drawn = {};
     this.opened = null;
     this.isGone = false;
+    this.hasGround = false;
     this.map.on("click", (event) => this.click(this.whatIsAt(event), onClick));
     this.map.on("mousemove", (event) => this.pointAt(this.drones.whatIsAt(event.point)));
     this.isReady = new Promise((resolve) => this.map.once("load", resolve));
     this.isReady.then(() => this.showGround());
-    this.leaveTheme = onThemeChange(() => this.map.setStyle(mapStyle(this.ownStyle)));
+    this.leaveTheme = onThemeChange(() => this.map.setStyle(mapStyle(this.ownMap, this.hasGround)));
     this.map.on("style.load", () => this.putAll());
     learnAirframes().then(() => this.drones.ask());
   }
@@ -97,7 +98,8 @@ export class FleetMap {
     const {x, y} = this.map.project(near(position));
     const {clientWidth: width, clientHeight: height} = this.map.getContainer();
     const isPhone = width <= PHONE_PX;
-    const [right, bottom] = isPhone ? [width - EDGE_PX, height * SHEET_SHARE] : [width - PANEL_PX, height - EDGE_PX];
+    const [right, bottom] = isPhone
+      ? [width - EDGE_PX, height * SHEET_SHARE] : [width - PANEL_PX, height - EDGE_PX];
     if (x > EDGE_PX && y > EDGE_PX && x < right && y < bottom) return;
     const offset = isPhone ? [0, (-height * (1 - SHEET_SHARE)) / 2] : [-PANEL_PX / 2, 0];
     this.map.panTo(near(position), {offset});
@@ -146,23 +148,29 @@ export class FleetMap {
 
   // What lies below the fleet comes after the fleet: the first picture does not wait for it.
   async showGround() {
-    this.ownStyle = await readOwnStyle();
+    this.ownMap = await readOwnMap();
     if (this.isGone) return;
     const attribution = new AttributionControl({
-      compact: true, ...(this.ownStyle ? {} : {customAttribution: SOURCES_TEXT}),
+      compact: true, ...(this.ownMap ? {} : {customAttribution: SOURCES_TEXT}),
     });
     this.map.addControl(attribution, "bottom-right");
     // It begins as a button: the panels need the place.
     this.map.getContainer().querySelector("details.maplibregl-ctrl-attrib")?.removeAttribute("open");
     this.map.getContainer().querySelector(".maplibregl-compact-show")?.classList.remove("maplibregl-compact-show");
-    if (this.ownStyle) {
-      this.map.setStyle(mapStyle(this.ownStyle));
+    if (this.ownMap) {
+      this.map.setStyle(mapStyle(this.ownMap));
+      this.stations.showPlaces(placesOf(this.ownMap.places));
       return;
     }
     const {features, places} = await readGround();
     if (this.isGone) return;
     for (const [source, data] of Object.entries(features)) this.draw(source, data);
     this.stations.showPlaces(places);
+    // The land first, then the sea around it.
+    await this.map.once("idle");
+    if (this.isGone) return;
+    this.hasGround = true;
+    this.map.setPaintProperty("background", "background-color", groundColour(true));
   }
 
   put(source, features) {

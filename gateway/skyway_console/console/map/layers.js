@@ -1,13 +1,12 @@
 // The layers of the map, from the ground up: water and land, segments, closures, where the open drone
 // could land instead, its plan. Names, stations and drones are drawn on canvases above.
 
-import {colours} from "./colours.js";
+import {colours, isDark} from "./colours.js";
 
 export const NOTHING = {type: "FeatureCollection", features: []};
 
 const GROUND = ["land", "lakes", "counties", "rivers", "states", "countries", "people"];
 const FLEET = ["segments", "closures", "alternatives", "plan", "draft"];
-export const SOURCES = [...GROUND, ...FLEET];
 
 // What the ground shows is no finer than that: deeper tiles enlarge it.
 const GROUND_ZOOM = 11;
@@ -17,12 +16,14 @@ const source = (id) => [id, {
 }];
 
 // The style of the map: an operator's own base map below the fleet, or the ground that comes with it.
-export function mapStyle(own) {
+// Before the ground is there all is land, because nobody flies over the sea first.
+export function mapStyle(ownMap, hasGround) {
+  const own = ownMap && (isDark() ? ownMap.dark : ownMap.light);
   return {
     version: 8,
     ...own,
-    sources: {...own?.sources, ...Object.fromEntries(SOURCES.map(source))},
-    layers: [...(own?.layers ?? groundLayers()), ...fleetLayers()],
+    sources: {...own?.sources, ...Object.fromEntries([...(own ? [] : GROUND), ...FLEET].map(source))},
+    layers: [...(own?.layers ?? groundLayers(hasGround)), ...fleetLayers()],
   };
 }
 
@@ -33,11 +34,13 @@ const line = (id, sourceId, of, more = {}) => ({
 
 const byZoom = (...stops) => ["interpolate", ["exponential", 2], ["zoom"], ...stops];
 
-function groundLayers() {
+export const groundColour = (hasGround) => (hasGround ? colours().water : colours().land);
+
+function groundLayers(hasGround) {
   const paint = colours();
   const fill = (id, colour) => ({id, type: "fill", source: id, paint: {"fill-color": colour}});
   return [
-    {id: "background", type: "background", paint: {"background-color": paint.water}},
+    {id: "background", type: "background", paint: {"background-color": groundColour(hasGround)}},
     fill("land", paint.land),
     // Pixels of a kilometre at latitude 30: half of them at each zoom less.
     {id: "people", type: "circle", source: "people", minzoom: 6, paint: {

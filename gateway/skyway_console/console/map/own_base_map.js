@@ -24,10 +24,21 @@ function withAbsoluteAddresses(style) {
   return {...style, sources: Object.fromEntries(sources), ...Object.fromEntries(named)};
 }
 
-// The style, or null without one.
-export async function readOwnStyle() {
-  const answer = await fetch(`${FOLDER}style.json`).catch(() => null);
-  if (answer?.status !== 200) return null;
+async function readFile(name) {
+  const answer = await fetch(absolute(name)).catch(() => null);
+  return answer?.status === 200 ? answer.json() : null;
+}
+
+// The styles for light and dark screens and the named places, or null without a map. A style may name
+// the other two in its `metadata`.
+export async function readOwnMap() {
+  const light = await readFile("style.json");
+  if (light === null) return null;
   addProtocol("pmtiles", new Protocol().tile);
-  return withAbsoluteAddresses(await answer.json());
+  const {"skyway:dark": darkName, "skyway:places": placesName} = light.metadata ?? {};
+  const dark = typeof darkName === "string" ? await readFile(darkName) : null;
+  const places = typeof placesName === "string" ? await readFile(placesName) : null;
+  return {
+    light: withAbsoluteAddresses(light), dark: withAbsoluteAddresses(dark ?? light), places: places ?? [],
+  };
 }

@@ -17,6 +17,7 @@ export class StationLayer {
     this.map = map;
     this.canvas = addCanvas(map, "station-layer");
     this.stations = [];
+    this.byId = new Map();
     this.places = [];
     this.looks = new Map();
     this.stops = new Map();
@@ -36,6 +37,7 @@ export class StationLayer {
   showNames(stations) {
     this.stations = [...stations].sort((one, other) => other.pads - one.pads || one.name.localeCompare(other.name))
       .map((station) => ({...station, at: mercator(station.position)}));
+    this.byId = new Map(this.stations.map((station) => [station.stationId, station]));
     this.draw();
   }
 
@@ -53,6 +55,9 @@ export class StationLayer {
 
   // The stops of the open plan by their stations, with the words beside them.
   showStops(stops) {
+    const text = JSON.stringify(stops);
+    if (this.stopText === text) return;
+    this.stopText = text;
     this.stops = new Map(stops.map(({stationId, text}) => [stationId, text]));
     this.draw();
   }
@@ -73,7 +78,7 @@ export class StationLayer {
   }
 
   placeOf(stationId) {
-    return this.stations.find((station) => station.stationId === stationId)?.at;
+    return this.byId.get(stationId)?.at;
   }
 
   draw() {
@@ -139,7 +144,10 @@ export class StationLayer {
 
   write(context, text, point, distance) {
     const width = textWidth(context, text);
-    const box = this.space.takeFirst(boxesAround(point, width, 15, distance));
+    // A name that the edge of the screen would cut stands on the other side, or nowhere.
+    const right = this.map.getContainer().clientWidth;
+    const whole = boxesAround(point, width, 15, distance).filter((each) => each[0] >= 0 && each[2] <= right);
+    const box = this.space.takeFirst(whole);
     if (!box) return;
     context.textAlign = "left";
     const y = (box[1] + box[3]) / 2;

@@ -16,19 +16,22 @@ import {MissionCommands} from "./mission_commands.js";
 import {Panel} from "./panel.js";
 import {StepList} from "./step_list.js";
 
+const DOES = {RECHARGING: "Recharges", WAITING: "Waits", LOADING: "Takes packages on board",
+  DELIVERING: "Hands packages over", IDLE: "Stands"};
+
 // What it does now, in one sentence.
-function doesText({activity, state, station_id: stationId, next_landing: landing}, mission) {
-  const place = stationId && stationName(stationId);
-  const step = Object.values(mission?.steps ?? {}).find(({status}) => status !== "ENDED");
-  const until = step?.end_at ? ` until ${clockTime(step.end_at)}` : "";
+function doesText({activity = "IDLE", station_id: stationId, next_landing: landing}, mission) {
   if (activity === "FLYING") {
     return landing
-      ? `Flies to ${stationName(landing.station_id)}, lands at ${clockTime(landing.at)}, ${distanceText(landing.at)}.`
+      ? `Flies to ${stationName(landing.station_id)}, lands at ${clockTime(landing.at)}, ${
+        distanceText(landing.at)}.`
       : "Is in flight.";
   }
-  if (activity === "RECHARGING") return `Recharges${place ? ` at ${place}` : ""}${mission ? until : ""}.`;
-  if (activity === "IDLE" || !activity) return place ? `Stands at ${place}, ${inWords(state ?? "").toLowerCase()}.` : "";
-  return `${inWords(activity)}${place ? ` at ${place}` : ""}${mission ? until : ""}.`;
+  const step = Object.values(mission?.steps ?? {}).find(({status}) => status !== "ENDED");
+  const ends = step?.kind === "FLY" ? step.start_at : step?.end_at;
+  const place = stationId ? ` at ${stationName(stationId)}` : "";
+  const until = ends && Date.parse(ends) > fleetNow() ? ` until ${clockTime(ends)}` : "";
+  return `${DOES[activity] ?? inWords(activity)}${place}${until}.`;
 }
 
 // Old readings are said: the drone may be elsewhere, and its mark on the map is faint.
@@ -53,7 +56,8 @@ function droneFacts(drone, mission) {
 
 // The ground speed of the flight that goes on, by its plan.
 function speedKmh(drone, mission) {
-  const flight = Object.values(mission?.steps ?? {}).find(({kind, status}) => kind === "FLY" && status !== "ENDED");
+  const flight = Object.values(mission?.steps ?? {})
+    .find(({kind, status}) => kind === "FLY" && status !== "ENDED");
   if (!flight?.from_position) return null;
   const hours = (Date.parse(flight.end_at) - Date.parse(flight.start_at)) / 3_600_000;
   return hours > 0 ? Math.round(kilometres(flight.from_position, flight.position) / hours) : null;
@@ -61,10 +65,12 @@ function speedKmh(drone, mission) {
 
 // "the delivery to Kirby and Selma", where somebody waits for it.
 function deliveryText({delivery_id: deliveryId, steps}) {
-  const stations = new Set(Object.values(steps).filter(({kind}) => kind === "DELIVER").map((step) => step.station_id));
+  const ends = Object.values(steps).filter(({kind}) => kind === "DELIVER");
+  const stations = new Set(ends.map(({station_id: stationId}) => stationId));
   const {reference} = picture.deliveries.value[deliveryId] ?? {};
   if (reference) return `delivery ${reference}`;
-  return stations.size ? `the delivery to ${[...stations].map(stationName).join(", ")}` : `delivery ${shortId(deliveryId)}`;
+  return stations.size
+    ? `the delivery to ${[...stations].map(stationName).join(", ")}` : `delivery ${shortId(deliveryId)}`;
 }
 
 const copyId = (droneId) => attempt(() => navigator.clipboard.writeText(droneId), "The id is copied.");

@@ -64,7 +64,7 @@ export function MapLegend() {
         ${STATIONS.map(([kind, text]) => html`<li><${StationSign} kind=${kind} /> ${text}</li>`)}
       </ul>
       <ul class="counts" aria-label="Drones by state">
-        ${countsByState().map(([state, count]) => html`<li><b>${count}</b> ${inWords(state)}</li>`)}
+        ${countsByState().map(([state, count]) => html`<li><span>${count}</span> ${inWords(state)}</li>`)}
       </ul>
       <div class="legend-more">
         <${LookAhead} />

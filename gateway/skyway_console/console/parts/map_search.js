@@ -49,11 +49,14 @@ export function MapSearch({network}) {
   return html`
     <button class="search-button" aria-label="Search" aria-expanded=${isOpen}
       onClick=${() => setOpen(!isOpen)}>
-      <svg viewBox="0 0 20 20" aria-hidden="true"><path d="M13 13l4.5 4.5M14.5 9a5.5 5.5 0 1 1-11 0 5.5 5.5 0 0 1 11 0z" /></svg>
+      <svg viewBox="0 0 20 20" aria-hidden="true">
+        <path d="M13 13l4.5 4.5M14.5 9a5.5 5.5 0 1 1-11 0 5.5 5.5 0 0 1 11 0z" />
+      </svg>
     </button>
     <search class="map-search ${isOpen ? "open" : ""}">
       <form onSubmit=${open}>
-        <input type="search" ref=${input} aria-label="Find a drone or a station" placeholder="Find a drone or a station"
+        <input type="search" ref=${input} aria-label="Find a drone or a station"
+          placeholder="Find a drone or a station"
           value=${text} onInput=${({target}) => setText(target.value)} />
       </form>
       ${text && html`
