@@ -106,7 +106,7 @@ const Chosen = ({droneId, onAll}) => html`
 function Happenings({events, atMs, onAt}) {
   if (events.length === 0) return null;
   return html`
-    <details class="legend happenings" open=${!isNarrow.peek()}>
+    <details class="happenings" open=${!isNarrow.peek()}>
       <summary>${events.length === 1 ? "1 event" : `${events.length} events`} of this hour</summary>
       <ul aria-label="What happened in this hour">
         ${events.map(({id, kind, atMs: at, text}) => html`
@@ -150,8 +150,10 @@ export function ReplayView({parts: [fromText, chosen]}) {
       <h1 class="hidden">Replay</h1>
       <${ReplayPlayer} ...${player} text=${text} onSpan=${(from) => setSpan(spanFrom(from))} speed=${speed}
         onSpeed=${setSpeed}><${Chosen} droneId=${droneId} onAll=${() => setDrone(null)} /></${ReplayPlayer}>
-      <div class="map-view">
-        <div class="map" ref=${container} role="application" aria-label="Map of a past hour"></div>
+      <div class="replay-body">
+        <div class="map-view">
+          <div class="map" ref=${container} role="application" aria-label="Map of a past hour"></div>
+        </div>
         <${Happenings} events=${events} atMs=${atMs} onAt=${setAt} />
       </div>
     </div>`;
