@@ -35,7 +35,7 @@ SHOWN: Final = """() => document.querySelector(".map").fleetMap.map.getSource("p
 def watched(stage: StagedPage) -> StagedPage:
     """A console with a drone on a mission."""
     landing = {"station_id": "b", "at": "2026-03-01T12:05:00Z"}
-    outlook = {"plan": "NOT_NEEDED", "next_landing": landing, "packages": [], "reported_at": None}
+    outlook: dict[str, Any] = {"plan": "NOT_NEEDED", "next_landing": landing, "packages": []}
     stage.answers |= {COMMANDS: {"outlook": outlook}, "/v1/stations/b/schedule": {"pads": []}}
     return stage
 

@@ -129,7 +129,7 @@ def test_a_customer_sees_the_plan_without_what_the_drone_reported(story: StagedP
         {"kind": "DELIVER", "station_id": "far-hill", "package_ids": ["p1"], "end_s": 330},
     ]
     plan = {"steps": steps, "delivery_time_s": 330}
-    shown = story.answers[PATH]
+    shown: Any = story.answers[PATH]
     story.answers[PATH] = shown | {"missions": [MISSION | {"plan": plan, "revision": 1}]}
     page = story.open("/console#/deliveries/dlv_1").page
     rows = page.get_by_role("list", name="Planned and real").get_by_role("listitem")
