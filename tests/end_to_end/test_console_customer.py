@@ -143,7 +143,7 @@ def test_markup_in_a_reference_stays_text(customer: ConsolePage, system: Any) ->
     expect(page.get_by_role("heading", name="What happened")).to_be_visible()
     expect(page.get_by_role("heading", name=MARKUP)).to_be_visible()
     customer.show("deliveries")
-    expect(page.get_by_role("cell", name=MARKUP).first).to_be_visible()
+    expect(page.get_by_role("rowheader", name=MARKUP).first).to_be_visible()
     assert page.locator("main img, main b").count() == 0
 
 
