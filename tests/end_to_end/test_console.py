@@ -329,7 +329,7 @@ def test_a_delivery_is_found_and_followed_to_its_proof(console: ConsolePage, sys
         re.compile("on time|late|early")
     )
     page.get_by_role("link", name="Replay this flight").click()
-    expect(page.locator(".legend.chosen")).to_contain_text("with its plan of that time")
+    expect(page.locator(".chosen")).to_contain_text("with its plan of that time")
 
 
 def test_the_calendar_shows_missions_and_pads_and_moves_by_keys(

@@ -35,7 +35,7 @@ SHOWN: Final = """() => document.querySelector(".map").fleetMap.map.getSource("p
 def watched(stage: StagedPage) -> StagedPage:
     """A console with a drone on a mission."""
     landing = {"station_id": "b", "at": "2026-03-01T12:05:00Z"}
-    outlook = {"plan": "NOT_NEEDED", "next_landing": landing, "packages": [], "reported_at": None}
+    outlook: dict[str, Any] = {"plan": "NOT_NEEDED", "next_landing": landing, "packages": []}
     stage.answers |= {COMMANDS: {"outlook": outlook}, "/v1/stations/b/schedule": {"pads": []}}
     return stage
 
@@ -98,3 +98,28 @@ def test_an_alarm_is_acknowledged_after_a_question(watched: StagedPage) -> None:
     question.get_by_role("button", name="Acknowledge").click()
     expect(question).to_have_count(0)
     assert f"POST {path}?" in watched.asked
+
+
+def test_a_drone_in_maintenance_is_put_back_by_undo(watched: StagedPage) -> None:
+    drones = "/v1/providers/prv_1/drones"
+    drone = {"drone_id": "drn_1", "provider_id": "prv_1", "name": "Heron", "state": "AVAILABLE"}
+    watched.answers |= {
+        "/v1/providers": {"items": [{"provider_id": "prv_1"}], "next_cursor": None},
+        "/v1/drone-models": {"items": [], "next_cursor": None},
+        drones: {
+            "items": [drone | {"soc": 0.5, "model_id": "m", "home_station_id": "a"}],
+            "next_cursor": None,
+        },
+        f"{drones}/drn_1": {},
+    }
+    page = watched.open("/console#/fleet").page
+    page.get_by_role("button", name="Take Heron into maintenance").click()
+    question = page.get_by_role("dialog", name="Into maintenance: drone Heron")
+    expect(question).to_contain_text("gets no missions until somebody puts it back")
+    with page.expect_request(lambda request: request.method == "PATCH") as taken:
+        question.get_by_role("button", name="Into maintenance").click()
+    assert taken.value.post_data_json == {"state": "MAINTENANCE"}
+
+    with page.expect_request(lambda request: request.method == "PATCH") as undone:
+        page.get_by_role("button", name="Undo").click()
+    assert undone.value.post_data_json == {"state": "AVAILABLE"}

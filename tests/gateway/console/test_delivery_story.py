@@ -129,7 +129,7 @@ def test_a_customer_sees_the_plan_without_what_the_drone_reported(story: StagedP
         {"kind": "DELIVER", "station_id": "far-hill", "package_ids": ["p1"], "end_s": 330},
     ]
     plan = {"steps": steps, "delivery_time_s": 330}
-    shown = story.answers[PATH]
+    shown: Any = story.answers[PATH]
     story.answers[PATH] = shown | {"missions": [MISSION | {"plan": plan, "revision": 1}]}
     page = story.open("/console#/deliveries/dlv_1").page
     rows = page.get_by_role("list", name="Planned and real").get_by_role("listitem")
@@ -154,3 +154,25 @@ def test_the_sections_of_a_delivery_fold_on_a_phone(story: StagedPage) -> None:
     wider = page.evaluate("document.querySelector('main').scrollWidth - innerWidth")
     assert wider <= 0
     assert serious_problems(page) == []
+
+
+def test_the_webhooks_of_a_delivery_are_read_when_they_are_opened(story: StagedPage) -> None:
+    webhooks = {"items": [{"webhook_id": "whk_1", "url": "https://shop.example/hook"}]}
+    sent = {"event_type": "delivery.replanned", "outcome": "FAILED", "status": 500}
+    attempts = [
+        sent | {"attempt_id": each, "event_id": f"evt_{each}", "wall_at": moment(7)}
+        for each in (2, 9)
+    ]
+    story.answers |= {
+        "/v1/webhooks": webhooks | {"next_cursor": None},
+        "/v1/webhooks/whk_1/attempts": {"items": attempts},
+    }
+    page = story.open("/console#/deliveries/dlv_1").page
+    replan(story, 360)
+    expect(page.get_by_role("list", name="What happened").get_by_role("listitem")).to_have_count(1)
+    assert not any("/v1/webhooks" in each for each in story.asked)
+
+    page.get_by_role("heading", name="Webhooks").click()
+    listed = page.get_by_role("list", name="Webhooks").get_by_role("listitem")
+    expect(listed).to_have_count(1)
+    expect(listed).to_contain_text("https://shop.example/hook: Failed (500)")

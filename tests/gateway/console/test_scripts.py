@@ -232,7 +232,8 @@ def test_deliveries_are_found_by_a_part_of_their_texts(stage: StagedPage) -> Non
 def test_a_drag_that_rests_counts_once(stage: StagedPage) -> None:
     """One pixel of the chart is the same time before and after a pause."""
     stage.answers["/v1/providers"] = {"items": [{"provider_id": "prv_1"}], "next_cursor": None}
-    stage.answers["/v1/providers/prv_1/schedule"] = {"items": [], "next_cursor": None}
+    free = {"drone_id": "drn_1", "entries": []}
+    stage.answers["/v1/providers/prv_1/schedule"] = {"items": [free], "next_cursor": None}
     page = stage.open("/console#/schedule").page
     page.wait_for_function(
         """() => {

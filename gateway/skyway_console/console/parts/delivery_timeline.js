@@ -90,8 +90,7 @@ function Mission({story, events}) {
     </section>`;
 }
 
-// `events` are those of the delivery so far. The missions are read again with each of them, and when a
-// step ends.
+// `events` are those of the delivery so far. The missions are read again when one changes or a step ends.
 export function DeliveryTimeline({missions, events}) {
   const [stories, setStories] = useState([]);
   const ended = missions.map(({mission_id: id}) => Object.values(picture.missions.value[id]?.steps ?? {})
@@ -100,7 +99,7 @@ export function DeliveryTimeline({missions, events}) {
     let isOld = false;
     readStory(missions).then((read) => isOld || setStories(read), () => null);
     return () => (isOld = true);
-  }, [missions, events.length, ended.join()]);
+  }, [missions, ended.join()]);
   return html`
     ${missions.length === 0 && html`<p>It has no plan yet. The plan stands here when a drone is booked.</p>`}
     ${missions.length > 0 && html`<p class="hint">A planned time is when a step ends.</p>`}

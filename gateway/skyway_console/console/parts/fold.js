@@ -7,7 +7,7 @@ import {isNarrow} from "../narrow.js";
 
 // `isOpen` is how it begins on a wide page; on a phone it begins folded, unless `isFirst`.
 export function Fold({title, isOpen = true, isFirst = false, children}) {
-  const begins = isFirst || (isOpen && !isNarrow.peek());
+  const [begins] = useState(isFirst || (isOpen && !isNarrow.peek()));
   const [wasOpened, setOpened] = useState(begins);
   const onToggle = ({target}) => target.open && setOpened(true);
   return html`

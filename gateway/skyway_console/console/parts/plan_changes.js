@@ -44,7 +44,8 @@ async function readChanges() {
 
 export function PlanChanges() {
   const [changes, setChanges] = useState([]);
-  const revisions = Object.entries(picture.missions.value).map(([id, {revision}]) => `${id} ${revision}`).join();
+  const revisions = Object.entries(picture.missions.value).filter(([, {revision}]) => revision > 1)
+    .map(([id, {revision}]) => `${id} ${revision}`).join();
   useEffect(() => {
     let isOld = false;
     readChanges().then((read) => isOld || setChanges(read), () => null);

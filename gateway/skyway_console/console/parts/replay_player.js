@@ -53,7 +53,7 @@ export function keysOf({atMs, onAt, isPlaying, onPlay, events}) {
   };
 }
 
-export function ReplayPlayer({span, onSpan, atMs, onAt, speed, onSpeed, isPlaying, onPlay, text, events}) {
+export function ReplayPlayer({span, onSpan, atMs, onAt, speed, onSpeed, isPlaying, onPlay, text, events, children}) {
   const [earlier, later] = [eventBefore(events, atMs), eventAfter(events, atMs)];
   const choose = ({target}) => {
     const from = new Date(target.value).getTime();
@@ -75,6 +75,7 @@ export function ReplayPlayer({span, onSpan, atMs, onAt, speed, onSpeed, isPlayin
       <output><strong>${exactTime(atMs)}</strong> ${zoneName()}</output>
       <label>From <input type="datetime-local" value=${localText(span.from)} onChange=${choose} /></label>
       <span class="hint" role="status">${text}</span>
+      ${children}
       <div class="head-line">
         <${Marks} events=${events} span=${span} />
         <input type="range" aria-label="Moment" aria-valuetext=${exactTime(atMs)} min=${span.from} max=${span.until}

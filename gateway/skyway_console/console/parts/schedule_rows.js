@@ -11,7 +11,8 @@ import {plannedCharge} from "./planned_charge.js";
 
 const MOST_ROWS = 200;
 const MOST_PADS = 40;
-const MOST_MISSIONS = 400;
+const MOST_MISSIONS = 200;
+const PLANS_EVERY_MS = 30_000;
 const LATE_MS = 60_000;
 
 export const spanQuery = ({from, to}) =>
@@ -22,14 +23,15 @@ async function readProviders() {
   return (await all("/v1/providers")).map(({provider_id}) => provider_id);
 }
 
-// The plans of missions, by their ids. They are read again only when there is another mission or plan.
-const plans = {of: "", byId: {}};
+// The plans of missions, by their ids. They are read again when there is another mission or plan, but not
+// every few seconds, because they are long.
+const plans = {of: "", readMs: 0, byId: {}};
 
 async function readPlans() {
   const of = Object.entries(picture.missions.value).map(([id, {revision}]) => `${id} ${revision}`).sort().join();
-  if (of !== plans.of) {
+  if (of !== plans.of && Date.now() - plans.readMs > PLANS_EVERY_MS) {
     const missions = await all("/v1/missions", MOST_MISSIONS);
-    Object.assign(plans, {of, byId: Object.fromEntries(missions.map((each) => [each.mission_id, each]))});
+    Object.assign(plans, {of, readMs: Date.now(), byId: Object.fromEntries(missions.map((each) => [each.mission_id, each]))});
   }
   return plans.byId;
 }

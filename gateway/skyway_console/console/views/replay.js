@@ -96,11 +96,17 @@ function usePlans(droneId, span) {
   return plans;
 }
 
+const Chosen = ({droneId, onAll}) => html`
+  <p class="chosen">${droneId
+    ? html`<strong>Drone ${droneName(droneId)}</strong>, with its plan of that time.${" "}
+      <button class="small" onClick=${onAll}>All drones</button>`
+    : "Click a drone to see its plan and landings. Space plays, ← and → step, P and N jump to events."}</p>`;
+
 // What happened, each with a jump to it. `atMs` marks what has happened already.
 function Happenings({events, atMs, onAt}) {
   if (events.length === 0) return null;
   return html`
-    <details class="legend happenings" open=${!isNarrow.peek()}>
+    <details class="happenings" open=${!isNarrow.peek()}>
       <summary>${events.length === 1 ? "1 event" : `${events.length} events`} of this hour</summary>
       <ul aria-label="What happened in this hour">
         ${events.map(({id, kind, atMs: at, text}) => html`
@@ -143,13 +149,11 @@ export function ReplayView({parts: [fromText, chosen]}) {
     <div class="replay-view" ref=${view} tabindex="-1" onKeyDown=${keysOf(player)}>
       <h1 class="hidden">Replay</h1>
       <${ReplayPlayer} ...${player} text=${text} onSpan=${(from) => setSpan(spanFrom(from))} speed=${speed}
-        onSpeed=${setSpeed} />
-      <div class="map-view">
-        <div class="map" ref=${container} role="application" aria-label="Map of a past hour"></div>
-        <p class="legend chosen">${droneId
-          ? html`<span><strong>Drone ${droneName(droneId)}</strong>, with its plan of that time.</span>
-            <button class="small" onClick=${() => setDrone(null)}>All drones</button>`
-          : "Click a drone to see its plan and its landings. Space plays, ← and → step, P and N jump to events."}</p>
+        onSpeed=${setSpeed}><${Chosen} droneId=${droneId} onAll=${() => setDrone(null)} /></${ReplayPlayer}>
+      <div class="replay-body">
+        <div class="map-view">
+          <div class="map" ref=${container} role="application" aria-label="Map of a past hour"></div>
+        </div>
         <${Happenings} events=${events} atMs=${atMs} onAt=${setAt} />
       </div>
     </div>`;

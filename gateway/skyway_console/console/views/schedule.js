@@ -5,6 +5,7 @@ import {useEffect, useState} from "preact/hooks";
 
 import {fleetNow} from "../fleet_clock.js";
 import {html} from "../html.js";
+import {picture} from "../live.js";
 import {isNarrow} from "../narrow.js";
 import {isOperator} from "../session.js";
 import {zoneName} from "../words.js";
@@ -22,6 +23,8 @@ const READERS = {drones: readDrones, pads: readPads};
 function useRows(of, span) {
   const [rows, setRows] = useState(null);
   const [problem, setProblem] = useState("");
+  // The live picture names the packages, so the rows are made again when it has come.
+  const hasPicture = Object.keys(picture.missions.value).length > 0;
   useEffect(() => {
     let isGone = false;
     const look = () => READERS[of](span).then(
@@ -33,7 +36,7 @@ function useRows(of, span) {
       isGone = true;
       clearInterval(timer);
     };
-  }, [of, span.from, span.to]);
+  }, [of, span.from, span.to, hasPicture]);
   return {rows, problem};
 }
 
