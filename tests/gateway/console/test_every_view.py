@@ -36,7 +36,7 @@ VIEWS = {
     "customer": {
         "account": "Your shop on tracking pages",
         "deliveries/dlv_1": "Tracking link",
-        "new": "and 5 more",
+        "new": "Deliveries are accepted.",
     },
 }
 
