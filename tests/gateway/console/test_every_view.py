@@ -42,7 +42,7 @@ VIEWS = {
         "home": "New delivery",
         "account": "Your shop on tracking pages",
         "deliveries/dlv_1": "Tracking link",
-        "new": "and 5 more",
+        "new": "Deliveries are accepted.",
     },
 }
 
