@@ -113,6 +113,7 @@ def test_a_drone_in_maintenance_is_put_back_by_undo(watched: StagedPage) -> None
         f"{drones}/drn_1": {},
     }
     page = watched.open("/console#/fleet").page
+    page.get_by_role("button", name="What to do with Heron").click()
     page.get_by_role("button", name="Take Heron into maintenance").click()
     question = page.get_by_role("dialog", name="Into maintenance: drone Heron")
     expect(question).to_contain_text("gets no missions until somebody puts it back")

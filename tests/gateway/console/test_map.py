@@ -218,5 +218,7 @@ def test_a_phone_has_the_legend_the_search_and_panels_as_sheets(corridor: Staged
     box = sheet.bounding_box()
     assert box is not None
     assert (box["x"], box["width"]) == (0, 360)
-    assert box["y"] + box["height"] == pytest.approx(780, abs=1)
+    bar = page.locator("nav.bottom").bounding_box()
+    assert bar is not None
+    assert box["y"] + box["height"] == pytest.approx(bar["y"], abs=1)
     assert page.evaluate("document.documentElement.scrollWidth") == 360

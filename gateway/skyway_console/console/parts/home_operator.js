@@ -29,14 +29,31 @@ const count = (number, one, many) => `${number} ${number === 1 ? one : many}`;
 const isStopped = () =>
   Object.values(picture.closures.value).some((each) => each.kind === "GROUND_STOP" && hasBegun(each));
 
+const MOST_LATE_SHOWN = 3;
+
+// Where somebody can do something about a late delivery: at its drone, if it has one.
+function lateText([deliveryId, {mission_ids: missionIds, reference}]) {
+  const droneId = missionIds.map((each) => picture.missions.value[each]?.drone_id).find(Boolean);
+  const name = reference ?? "a delivery";
+  return droneId ? [`${droneName(droneId)} is late with ${name}`, "map", "drone", droneId]
+    : [`${reference ?? "A delivery"} is late and has no drone`, "deliveries", deliveryId];
+}
+
+// The late deliveries, each with where to go.
+function late() {
+  const found = Object.entries(picture.deliveries.value).filter(([, each]) => isRunningLate(each));
+  const more = found.length - MOST_LATE_SHOWN;
+  return [...found.slice(0, MOST_LATE_SHOWN).map(lateText),
+    more > 0 && [count(more, "more delivery is late", "more deliveries are late"), "deliveries"]];
+}
+
 // What needs somebody: each a sentence and where to go.
 function needs() {
   const urgent = openAlarms.value.filter(({level}) => level !== "WARNING").length;
-  const late = running().filter(isRunningLate).length;
   const old = running().filter((each) => each.is_waiting && waitingS(each) > 900).length;
   return [
     urgent && [count(urgent, "urgent alarm is open", "urgent alarms are open"), "alarms"],
-    late && [count(late, "delivery is late", "deliveries are late"), "deliveries"],
+    ...late(),
     old && [`${count(old, "request has", "requests have")} waited for a drone for more than 15 min`, "schedule"],
     isStopped() && ["Take-offs are stopped", "alarms"],
     silentServices.value.length > 0 && ["A service is silent", "health"],
