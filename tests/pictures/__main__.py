@@ -23,7 +23,7 @@ from urllib.parse import urlsplit
 
 import httpx
 from PIL import Image
-from playwright.sync_api import Browser, Page, Response
+from playwright.sync_api import Browser, Response
 
 from tests.end_to_end.browser import opened_browser
 from tests.gateway.console.staged_page import LIVE
@@ -32,10 +32,10 @@ from tests.pictures.taken import picture_of
 from tests.pictures.views import SCREENS, VIEWS
 
 PICTURES: Final = Path(__file__).parents[2] / "docs/pictures"
-_SETTLES_S: Final = 60.0
+_SETTLES_S: Final = 120.0
 _COLOURS: Final = 256
-#: How long the views may take until they have asked for all that they show, milliseconds.
-_ASKED_WITHIN_MS: Final = 5_000
+#: How long a view may take until it has asked for all that it shows, milliseconds.
+_ASKED_WITHIN_MS: Final = 2_000
 #: How long the first events of a stream may take, seconds.
 _EVENTS_WITHIN_S: Final = 3.0
 
@@ -65,20 +65,15 @@ class _Recorder:
         self._keys = keys
         self._gateway = keys["SKYWAY_GATEWAY_URL"]
         self._answers: dict[str, dict[str, Any]] = {}
-        self._responses: list[tuple[str, Response]] = []
 
     def recorded(self) -> RecordedWorld:
         """The world as it is now."""
         shown = self._shown()
-        pages = [self._open(view, shown) for view in VIEWS]
-        for page in pages:
-            page.wait_for_timeout(_ASKED_WITHIN_MS / len(pages))
+        for role in ("operator", "provider", "customer", "link"):
+            self._answers[role] = {}
+            self._look(role, shown)
         wall_ms, clock = int(1000 * time.time()), self._ask("operator", "/v1/clock")
         streams = {role: dict(self._events(role, shown)) for role in self._answers}
-        for role, response in self._responses:
-            self._keep(role, response)
-        for page in pages:
-            page.close()
         return RecordedWorld(clock["now"], clock["rate"], wall_ms, shown, self._answers, streams)
 
     def _headers(self, role: str) -> dict[str, str]:
@@ -141,20 +136,23 @@ class _Recorder:
         for path in paths:
             yield path, self._first_events(role, path)
 
-    def _open(self, view: str, shown: dict[str, str]) -> Page:
-        """A page that shows this view."""
-        role, pattern = VIEWS[view]
-        self._answers.setdefault(role, {})
+    def _look(self, role: str, shown: dict[str, str]) -> None:
+        """Open all views of this role, one after the other."""
         page = self._browser.new_page(locale="en-GB", timezone_id="UTC")
-        page.on("response", lambda response: self._responses.append((role, response)))
-        address = pattern.format(**shown)
+        page.on("response", lambda response: self._keep(role, response))
         if role == "link":
-            page.goto(f"{self._gateway}/track/{address}")
-            return page
-        page.goto(f"{self._gateway}/console#/{address}")
-        page.fill("#key", self._keys[f"SKYWAY_{role.upper()}_KEY"])
-        page.press("#key", "Enter")
-        return page
+            page.goto(f"{self._gateway}/track/{shown['link']}")
+            page.wait_for_timeout(_ASKED_WITHIN_MS)
+        else:
+            page.goto(f"{self._gateway}/console")
+            page.fill("#key", self._keys[f"SKYWAY_{role.upper()}_KEY"])
+            page.press("#key", "Enter")
+            page.wait_for_selector("nav")
+        for seen_by, address in VIEWS.values():
+            if seen_by == role != "link":
+                page.evaluate("to => { location.hash = to }", f"#/{address.format(**shown)}")
+                page.wait_for_timeout(_ASKED_WITHIN_MS)
+        page.close()
 
     def _keep(self, role: str, response: Response) -> None:
         asked = urlsplit(response.url)

@@ -56,14 +56,17 @@ def test_an_operator_sees_what_needs_somebody(browser: Browser) -> None:
     pads = [each for each in stage.asked if "/v1/stats/pads" in each]
     assert len(pads) == 13
 
-    late = running(40, due_min=20)
+    late = running(40, due_min=20, mission_ids=["msn_1"], reference="Order 7")
     waiting = running(10, due_min=20, is_waiting=True, packages={})
-    change = {"deliveries": {"dlv_2": late, "dlv_3": waiting}}
+    change = {
+        "deliveries": {"dlv_2": late, "dlv_3": waiting},
+        "missions": {"msn_1": {"drone_id": "drn_1"}},
+    }
     stage.send(LIVE, "change", change)
     expect(main.get_by_role("heading", level=1)).to_have_text("2 things need you")
     expect(main.get_by_label("Waiting requests by age")).to_contain_text("1 up to 60 min")
-    page.get_by_role("link", name="1 delivery is late").click()
-    expect(page.get_by_role("heading", name="Deliveries")).to_be_visible()
+    link = page.get_by_role("link", name="is late with Order 7")
+    expect(link).to_have_attribute("href", "#/map/drone/drn_1")
     assert stage.errors == []
     stage.close()
 
@@ -126,6 +129,6 @@ def test_a_customer_sees_when_its_packages_come(browser: Browser) -> None:
 
     expect(first.locator(".figure")).not_to_have_text(before or "")
     page.get_by_role("link", name="New delivery").last.click()
-    expect(page.get_by_role("heading", name="New delivery")).to_be_visible()
+    expect(page.get_by_role("heading", name="Where shall it go?")).to_be_visible()
     assert stage.errors == []
     stage.close()

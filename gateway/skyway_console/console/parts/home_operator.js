@@ -4,6 +4,7 @@ import {get} from "../api.js";
 import {hasBegun} from "../closed.js";
 import {fleetNow, ticks} from "../fleet_clock.js";
 import {silentServices} from "../freshness.js";
+import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {openAlarms, picture} from "../live.js";
 import {usePolled} from "../polled.js";
