@@ -65,7 +65,7 @@ function Headline() {
   ticks.value; // read so that waiting grows old by itself
   const found = needs();
   const underWay = running().filter((each) => !each.is_waiting && each.state !== "SCHEDULED").length;
-  const links = found.map(([text, view]) => html`<li key=${text}><a href=${pathTo(view)}>${text}</a></li>`);
+  const links = found.map(([text, ...path]) => html`<li key=${text}><a href=${pathTo(...path)}>${text}</a></li>`);
   return html`
     <header class="headline ${found.length ? "warn" : "fine"}">
       <h1>${found.length ? count(found.length, "thing needs you", "things need you") : "All is well"}</h1>
