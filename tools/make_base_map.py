@@ -76,9 +76,10 @@ def main(folder: Path) -> None:
     pieces = list(waters(folder))
     layers = {
         "land": list(simplified(ring for ring in natural_earth("land") if is_large(ring))),
-        "lakes": list(
-            simplified([*filter(is_large, natural_earth("lakes")), *filter(is_lake, pieces)])
-        ),
+        "lakes": [
+            *simplified(filter(is_large, natural_earth("lakes"))),
+            *map(rounded, simplified(filter(is_lake, pieces))),
+        ],
         "states": list(simplified(joined(natural_earth("admin_1_states_provinces_lines")))),
         "countries": list(simplified(joined(natural_earth("admin_0_boundary_lines_land")))),
         "counties": list(simplified(line for line in counties() if touches_box(line))),
@@ -274,6 +275,18 @@ def simplified(lines: Iterable[Line]) -> Iterator[Line]:
             kept = list(shape.simplify(NEAR_DEG if is_near else FAR_DEG).coords) if shape else run
             simple += kept[1:] if simple else kept
         yield simple
+
+
+def rounded(ring: Line) -> Line:
+    """A ring with its corners cut twice (Chaikin): a lake of few points would look like a shard."""
+    for _ in range(2):
+        cut = [
+            (near * ax + (1 - near) * bx, near * ay + (1 - near) * by)
+            for (ax, ay), (bx, by) in pairwise(ring)
+            for near in (0.75, 0.25)
+        ]
+        ring = [*cut, cut[0]]
+    return ring
 
 
 def _runs(line: Line) -> Iterator[tuple[Line, bool]]:

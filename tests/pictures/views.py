@@ -25,9 +25,9 @@ SCREENS: Final = {
 #: By the name of the picture: the role that sees the view, and the view's address. The names in
 #: braces are those of `RecordedWorld.shown`.
 VIEWS: Final = {
+    "drone": ("operator", "map/drone/{drone}"),
     "home": ("operator", "home"),
     "map": ("operator", "map"),
-    "drone": ("operator", "map/drone/{drone}"),
     "station": ("operator", "map/station/{station}"),
     "schedule": ("operator", "schedule"),
     "deliveries": ("operator", "deliveries"),

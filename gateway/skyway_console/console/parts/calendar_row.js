@@ -8,7 +8,7 @@ import {momentText} from "../words.js";
 export const ROW_PX = 46;
 const BAR_PX = 24;
 const CHARGE_PX = 12;
-const LETTER_PX = 6.6;
+const LETTER_PX = 7.6;
 
 // As much of a text as a bar has room for.
 function fitting(text, width) {

@@ -21,7 +21,9 @@ const orNothing = (moment) => (moment ? momentText(moment) : "");
 const Recipient = ({recipient}) => recipient && html`
   <br /><small>for ${[recipient.name, recipient.phone ?? recipient.email].filter(Boolean).join(", ")}</small>`;
 
-const Package = ({each, recipient}) => html`
+const reasonOf = ({code, detail}) => [code && inWords(code), detail].filter(Boolean).join(" ");
+
+const Package = ({each, recipient, hasReasons}) => html`
   <tr class=${isLate(each) ? "late" : ""}>
     <th scope="row">${each.package_id}${each.mass_kg && html` <small>${each.mass_kg} kg</small>`}</th>
     <td data-label="To">${each.destination?.station_id ? stationName(each.destination.station_id) : ""}
@@ -31,14 +33,19 @@ const Package = ({each, recipient}) => html`
     <td data-label="Expected" class="eta">${each.delivered_at
       ? `handed over ${momentText(each.delivered_at)}` : orNothing(each.eta_at)}
       <br /><small>${againstPromise(each)}</small></td>
-    <td data-label="Why">${[each.code && inWords(each.code), each.detail].filter(Boolean).join(" ")}</td>
+    ${hasReasons && html`<td data-label="Why">${reasonOf(each)}</td>`}
   </tr>`;
 
 // `recipient` takes the packages that have none of their own.
-export const DeliveryPackages = ({packages, recipient}) => html`
-  <table class="as-cards" aria-label="Packages">
-    <thead><tr><th>Package</th><th>To</th><th>State</th><th>Promised</th><th>Expected</th><th>Why</th></tr></thead>
-    <tbody>
-      ${packages.map((each) => html`<${Package} key=${each.package_id} each=${each} recipient=${recipient} />`)}
-    </tbody>
-  </table>`;
+export function DeliveryPackages({packages, recipient}) {
+  const hasReasons = packages.some(reasonOf);
+  return html`
+    <table class="as-cards" aria-label="Packages">
+      <thead><tr><th>Package</th><th>To</th><th>State</th><th>Promised</th><th>Expected</th>
+        ${hasReasons && html`<th>Why</th>`}</tr></thead>
+      <tbody>
+        ${packages.map((each) => html`
+          <${Package} key=${each.package_id} each=${each} recipient=${recipient} hasReasons=${hasReasons} />`)}
+      </tbody>
+    </table>`;
+}

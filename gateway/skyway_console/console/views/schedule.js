@@ -40,7 +40,7 @@ function useRows(of, span) {
   return {rows, problem};
 }
 
-const firstSpan = () => ({from: fleetNow() - HOUR_MS, to: fleetNow() + 7 * HOUR_MS});
+const firstSpan = () => ({from: fleetNow() - HOUR_MS, to: fleetNow() + 3 * HOUR_MS});
 
 // The states of missions, as the API names them, and what else is drawn.
 const LEGEND = [["ACTIVE", "Active"], ["ACCEPTED", "Accepted"], ["BOOKED", "Booked"], ["QUEUED", "Queued"],
