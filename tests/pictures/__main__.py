@@ -106,11 +106,11 @@ class _Recorder:
         """The events that a stream sends when it is opened, as kind and JSON."""
         events: list[tuple[str, Any]] = []
         kind = "message"
-        headers, patience = self._headers(role), httpx.Timeout(30.0, read=_EVENTS_WITHIN_S)
+        headers, timeout = self._headers(role), httpx.Timeout(30.0, read=_EVENTS_WITHIN_S)
         until = time.monotonic() + _EVENTS_WITHIN_S
         try:
             with httpx.stream(
-                "GET", self._gateway + path, headers=headers, timeout=patience
+                "GET", self._gateway + path, headers=headers, timeout=timeout
             ) as sent:
                 for line in sent.iter_lines():
                     name, _, value = line.partition(": ")

@@ -1,4 +1,4 @@
-"""Each view looks as in docs/pictures, but for small differences of how a machine draws."""
+"""Each view looks as in docs/pictures. Small differences of how a machine draws are allowed."""
 
 from collections.abc import Iterator
 
