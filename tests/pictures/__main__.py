@@ -23,7 +23,7 @@ from urllib.parse import urlsplit
 
 import httpx
 from PIL import Image
-from playwright.sync_api import Browser, Response
+from playwright.sync_api import Browser, Page, Response
 
 from tests.end_to_end.browser import opened_browser
 from tests.gateway.console.staged_page import LIVE
@@ -34,8 +34,8 @@ from tests.pictures.views import SCREENS, VIEWS
 PICTURES: Final = Path(__file__).parents[2] / "docs/pictures"
 _SETTLES_S: Final = 120.0
 _COLOURS: Final = 256
-#: How long a view may take until it has asked for all that it shows, milliseconds.
-_ASKED_WITHIN_MS: Final = 1_200
+#: A view that asks for nothing new for so long shows all that it shows, milliseconds.
+_ASKED_WITHIN_MS: Final = 1_000
 #: How long the first events of a stream may take, seconds.
 _EVENTS_WITHIN_S: Final = 1.5
 
@@ -69,9 +69,9 @@ class _Recorder:
     def recorded(self) -> RecordedWorld:
         """The world as it is now."""
         shown = self._shown()
-        wall_ms, clock = int(1000 * time.time()), self._ask("operator", "/v1/clock")
-        roles = ("operator", "provider", "customer", "link")
+        roles = ("link", "operator", "provider", "customer")
         streams = {role: dict(self._events(role, shown)) for role in roles}
+        wall_ms, clock = int(1000 * time.time()), self._ask("operator", "/v1/clock")
         for role in roles:
             self._answers[role] = {}
             self._look(role, shown)
@@ -141,17 +141,25 @@ class _Recorder:
         page.on("response", lambda response: self._keep(role, response))
         if role == "link":
             page.goto(f"{self._gateway}/track/{shown['link']}")
-            page.wait_for_timeout(_ASKED_WITHIN_MS)
+            self._wait(page, role)
         else:
             page.goto(f"{self._gateway}/console")
             page.fill("#key", self._keys[f"SKYWAY_{role.upper()}_KEY"])
             page.press("#key", "Enter")
             page.wait_for_selector("nav")
+            page.reload()  # asks who is logged in
         for seen_by, address in VIEWS.values():
             if seen_by == role != "link":
                 page.evaluate("to => { location.hash = to }", f"#/{address.format(**shown)}")
-                page.wait_for_timeout(_ASKED_WITHIN_MS)
+                self._wait(page, role)
         page.close()
+
+    def _wait(self, page: Page, role: str) -> None:
+        """Wait until a view no longer asks for more."""
+        known = -1
+        while len(self._answers[role]) > known:
+            known = len(self._answers[role])
+            page.wait_for_timeout(_ASKED_WITHIN_MS)
 
     def _keep(self, role: str, response: Response) -> None:
         asked = urlsplit(response.url)

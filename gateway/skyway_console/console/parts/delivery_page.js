@@ -87,7 +87,8 @@ function wayText({pickup}, packages) {
 
 // What matters now, in a sentence: the next hand-over, or how it has ended.
 function headline({state, code, detail}, packages) {
-  if (OVER.includes(state)) {
+  const areHandedOver = packages.length > 0 && packages.every(({delivered_at: at}) => at);
+  if (OVER.includes(state) || areHandedOver) {
     const last = packages.filter(({delivered_at: at}) => at)
       .sort((one, other) => one.delivered_at.localeCompare(other.delivered_at)).at(-1);
     if (!last) return whyText(code, detail);

@@ -32,9 +32,11 @@ export function DronesTile({kind}) {
     name: stateName("drone", state).toLowerCase(), hint: stateHint("drone", state), kind: DRONE_KINDS[state],
     count: drones.filter((each) => each.state === state).length,
   }));
-  const charge = drones.reduce((sum, {soc}) => sum + soc, 0) / drones.length;
+  // A drone that has never reported has no charge yet.
+  const charges = drones.map(({soc}) => soc).filter((soc) => soc !== undefined);
+  const charge = charges.reduce((sum, soc) => sum + soc, 0) / charges.length;
   return html`
-    <${Tile} title="Drones" figure=${drones.length} unit=${drones.length > 0 && `with ${percent(charge)} charge on average`}
+    <${Tile} title="Drones" figure=${drones.length} unit=${charges.length > 0 && `with ${percent(charge)} charge on average`}
       href=${pathTo("fleet")} kind=${kind} feeds="feeds-drones">
       ${drones.length === 0 ? html`<p>No drone is registered. Register one at
         ${" "}<a href=${pathTo("fleet")}>Fleet</a>.</p>` : html`<${SplitBar} label="Drones by state" parts=${counts} />`}
