@@ -61,9 +61,8 @@ def click_station(page: Page, station_id: str) -> None:
     """Click where the map shows a station."""
     place = page.wait_for_function(
         """id => {
-          const {map, network} = document.querySelector(".map").fleetMap ?? {};
-          const isDrawn = map?.queryRenderedFeatures({layers: ["stations"]})
-            .some(({properties}) => properties.station_id === id);
+          const {map, network, stations} = document.querySelector(".map").fleetMap ?? {};
+          const isDrawn = stations?.stations.some(({stationId}) => stationId === id);
           if (!isDrawn) return null;
           const {geometry} = network.features.find(({properties}) => properties.station_id === id);
           const {x, y} = map.project(geometry.coordinates);
