@@ -17,6 +17,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlsplit
@@ -138,8 +139,9 @@ class _Recorder:
     def _look(self, role: str, shown: dict[str, str]) -> None:
         """Open all views of this role, one after the other."""
         page = self._browser.new_page(locale="en-GB", timezone_id="UTC")
-        page.on("response", lambda response: self._keep(role, response))
+        keep = partial(self._keep, role)
         if role == "link":
+            page.on("response", keep)
             page.goto(f"{self._gateway}/track/{shown['link']}")
             self._wait(page, role)
         else:
@@ -147,6 +149,7 @@ class _Recorder:
             page.fill("#key", self._keys[f"SKYWAY_{role.upper()}_KEY"])
             page.press("#key", "Enter")
             page.wait_for_selector("nav")
+            page.on("response", keep)
             page.reload()  # asks who is logged in
         for seen_by, address in VIEWS.values():
             if seen_by == role != "link":
