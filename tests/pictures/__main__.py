@@ -70,10 +70,10 @@ class _Recorder:
     def recorded(self) -> RecordedWorld:
         """The world as it is now."""
         shown = self._shown()
-        roles = ("link", "operator", "provider", "customer")
+        roles = ("operator", "provider", "customer")
         streams = {role: dict(self._events(role, shown)) for role in roles}
         wall_ms, clock = int(1000 * time.time()), self._ask("operator", "/v1/clock")
-        for role in roles:
+        for role in ("link", *roles):
             self._answers[role] = {}
             self._look(role, shown)
         return RecordedWorld(clock["now"], clock["rate"], wall_ms, shown, self._answers, streams)
@@ -127,12 +127,9 @@ class _Recorder:
 
     def _events(self, role: str, shown: dict[str, str]) -> Iterator[tuple[str, Any]]:
         """By address: the first events of the streams that this role's views open."""
-        if role == "link":
-            paths = [f"/track/{shown['link']}/events"]
-        else:
-            paths = [LIVE]
-            if role != "provider":
-                paths.append(f"/v1/deliveries/{shown['delivery']}/events")
+        paths = [LIVE]
+        if role != "provider":
+            paths.append(f"/v1/deliveries/{shown['delivery']}/events")
         for path in paths:
             yield path, self._first_events(role, path)
 

@@ -41,7 +41,7 @@ class RecordedWorld:
     answers
         By role and question: JSON. The role of the tracking page is `link`.
     streams
-        By role and address: the first events of each stream, as kind and JSON.
+        By role and address: the first events of the console's streams, as kind and JSON.
     """
 
     now: str

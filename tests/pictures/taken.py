@@ -58,7 +58,7 @@ def picture_of(browser: Browser, world: RecordedWorld, view: str, screen: Screen
     address = pattern.format(**world.shown)
     staged = _stage(browser, world, role, screen)
     staged.open(f"/track/{address}" if role == "link" else f"/console#/{address}")
-    for url, events in world.streams[role].items():
+    for url, events in world.streams.get(role, {}).items():
         if url == LIVE or urlsplit(url).path.split("/")[-2] in address:
             for kind, value in events:
                 staged.send(url, kind, value)
