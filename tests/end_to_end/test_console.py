@@ -363,7 +363,7 @@ def test_the_console_goes_on_after_the_gateway_was_killed(
     in_the_air(system, "goes-on")
 
     console.show("map", "drone", drone)
-    expect(console.panel("Drone")).to_contain_text("Flying")
+    expect(console.panel("Drone")).to_contain_text("Flies to")
 
 
 def test_a_silent_service_is_named(console: ConsolePage, system: Any) -> None:
