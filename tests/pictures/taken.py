@@ -9,14 +9,21 @@ from typing import Any, Final
 from urllib.parse import urlsplit
 
 from PIL import Image
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser
 
 from tests.gateway.console.staged_page import LIVE, StagedPage
 from tests.pictures.recorded_world import RecordedWorld, question
 from tests.pictures.views import VIEWS, Screen
 
-#: How often a page may be looked at until it no longer changes.
-_MOST_LOOKS: Final = 40
+#: How often a page may be looked at, and how often it must look the same one after the other.
+_MOST_LOOKS: Final = 100
+_SAME_LOOKS: Final = 5
+
+#: Whether the map of the page, if it has one, has drawn all that it has.
+_IS_DRAWN: Final = """() => {
+  const element = document.querySelector(".map");
+  return element === null || Boolean(element.fleetMap?.map.loaded());
+}"""
 
 
 def _answered(world: RecordedWorld, role: str, path: str) -> Callable[[str], Any]:
@@ -40,14 +47,17 @@ def _stage(browser: Browser, world: RecordedWorld, role: str, screen: Screen) ->
     return staged
 
 
-def _still(page: Page) -> bytes:
-    """What the page shows when it no longer changes."""
-    last = b""
+def _still(staged: StagedPage) -> bytes:
+    """What the page shows when it has asked for all, and no longer changes."""
+    last: tuple[bytes, int] = (b"", 0)
+    same = 0
     for _ in range(_MOST_LOOKS):
-        page.wait_for_load_state("networkidle")
-        seen = page.screenshot()
-        if seen == last:
-            return seen
+        staged.page.wait_for_load_state("networkidle")
+        staged.page.wait_for_function(_IS_DRAWN)
+        seen = (staged.page.screenshot(), len(staged.asked))
+        same = same + 1 if seen == last else 1
+        if same == _SAME_LOOKS:
+            return seen[0]
         last = seen
     raise AssertionError("The page goes on changing.")
 
@@ -62,7 +72,7 @@ def picture_of(browser: Browser, world: RecordedWorld, view: str, screen: Screen
         if url == LIVE or urlsplit(url).path.split("/")[-2] in address:
             for kind, value in events:
                 staged.send(url, kind, value)
-    taken = Image.open(BytesIO(_still(staged.page))).convert("RGB")
+    taken = Image.open(BytesIO(_still(staged))).convert("RGB")
     assert staged.errors == []
     staged.page.context.close()
     return taken
