@@ -68,9 +68,9 @@ def make_late(system: Any, delivery_id: str, mission_id: str) -> None:
 def test_an_operator_diverts_the_drone_that_is_late(
     browser: Browser, system: Any, fleets: dict[str, Any]
 ) -> None:
-    make_late(system, *flying(system, "late"))
     console = ConsolePage(browser, system).open_with(system.keys["SKYWAY_OPERATOR_KEY"])
     page, clicks = console.show("home").page, Clicks()
+    make_late(system, *flying(system, "late"))
 
     clicks.click(page.locator(".headline").get_by_role("link", name="is late"))
     panel = console.panel("Drone")
