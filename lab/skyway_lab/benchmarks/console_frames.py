@@ -55,7 +55,7 @@ _LOADED: Final = """() => ({
 })"""
 _FIRST_PICTURE: Final = """() => {
   const map = document.querySelector(".map")?.fleetMap;
-  return map?.data.stations?.features.length > 0 && map.map.areTilesLoaded();
+  return map?.stations.stations.length > 0 && map.map.areTilesLoaded();
 }"""
 
 
@@ -108,7 +108,7 @@ def main(drones: int) -> None:
             executable_path=shutil.which("chromium"), args=["--no-sandbox", "--disable-gpu"]
         )
         page = browser.new_page(viewport={"width": 1280, "height": 800})
-        console = _log_in(page, keys) + "#/map"
+        console = _log_in(page, keys)
         opened: list[float] = []
         for _ in range(_OPENED):
             begun = time.monotonic()
