@@ -119,7 +119,7 @@ def test_buttons_change_the_span(booked: StagedPage) -> None:
     page = booked.open("/console#/schedule").page
     booked.send(LIVE, "snapshot", PICTURE)
     first = page.locator(".gantt svg text").first
-    for button, shown in (("See less", "13:30"), ("Earlier", "12:30"), ("Now", "12:00")):
+    for button, shown in (("See less", "12:15"), ("Earlier", "11:45"), ("Now", "11:30")):
         page.get_by_role("button", name=button).click()
         expect(first).to_have_text(shown)
 
