@@ -199,7 +199,7 @@ _PERSONAL: Final = (
     Corruption(
         "personal data of a delivery that does not exist",
         "every row that is referred to exists",
-        gateway="UPDATE personal_data SET delivery_id = 'dlv_other'",
+        gateway="UPDATE personal_data SET delivery_id = 'no_' || delivery_id",
     ),
     Corruption(
         "personal data erased next year",
