@@ -32,7 +32,7 @@ def world(tmp_path: Path) -> Iterator[LocalSystem]:
 def start(world: LocalSystem, *options: str, until: str) -> Path:
     """Start `skyway up` with these options, and wait until it says `until`; its output."""
     log = world.folder.path / "up.log"
-    ports = ("--port", "0", "--mqtt-port", "0", "--rate", "600")
+    ports = ("--port", "0", "--mqtt-port", "0", "--rate", "300")
     command = [*SKYWAY, "up", *options, "--data", str(world.folder.path), *ports]
     with log.open("wb") as output:
         world.up = subprocess.Popen(command, stdout=output, stderr=output, env=world.environment)

@@ -89,6 +89,7 @@ LEDGER_CORRUPTIONS: Final = (
     Corruption(
         "a total of a party without lines",
         _TOTALS,
-        gateway=_CLOSE + "UPDATE closed_totals SET party_id = 'no ' || party_id WHERE role = 'provider'",
+        gateway=_CLOSE
+        + "UPDATE closed_totals SET party_id = 'no ' || party_id WHERE role = 'provider'",
     ),
 )

@@ -28,8 +28,10 @@ _CLOSED_FOR: Final = timedelta(minutes=40)
 _GUST_LASTS: Final = timedelta(minutes=40)
 _HELD_FOR: Final = timedelta(minutes=15)
 
-#: If nothing is under way that a chapter can be about, the next one is tried after this time.
+#: If nothing is under way that a chapter can be about, it is tried again after this time; the next
+#: chapter comes after so many tries.
 _AGAIN_AFTER: Final = timedelta(minutes=10)
+_MOST_TRIES: Final = 12
 
 _REASONS: Final = ("a crane is being moved", "fireworks are prepared", "a helicopter lands nearby")
 _HOLD_REASON: Final = "people look at a propeller"
@@ -73,11 +75,15 @@ class StoryOfTheDay:
             await self._pause(_AGAIN_AFTER)
         await self._pause(PAUSE)
         for chapter in cycle((self.close_on_the_way, self.delay_a_drone, self.let_a_gust_pass)):
-            await self._pause(PAUSE if await self._has_happened(chapter) else _AGAIN_AFTER)
+            for _ in range(_MOST_TRIES):
+                if await self._has_happened(chapter):
+                    await self._pause(PAUSE)
+                    break
+                await self._pause(_AGAIN_AFTER)
         raise AssertionError("a cycle has no end")
 
     async def _has_happened(self, chapter: Callable[[], Awaitable[bool]]) -> bool:
-        """Whether the chapter could happen now; trouble is left to the next one."""
+        """Whether the chapter could happen now; in trouble it is tried again later."""
         try:
             return await chapter()
         except (SkywayError, httpx.HTTPError) as trouble:
