@@ -36,8 +36,11 @@ class FreeClock:
     def wall_now(self) -> datetime:
         return self._now
 
-    async def sleep_until(self, fleet_moment: datetime) -> None:
+    def jump(self, fleet_moment: datetime) -> None:
         self._now = max(self._now, fleet_moment)
+
+    async def sleep_until(self, fleet_moment: datetime) -> None:
+        self.jump(fleet_moment)
 
 
 def mission(mission_id: str, *stops: str, is_held: bool = False) -> dict[str, Any]:
@@ -130,6 +133,30 @@ async def test_a_place_on_the_way_closes_and_opens_again(
     assert datetime.fromisoformat(order["until"]) == clock.now()
     assert said[0].startswith("12:00: Converse is closed until 12:40: ")
     assert said[1:] == ["12:40: Converse is open again."]
+
+
+async def test_a_chapter_is_tried_again_before_the_next_one(
+    story_of: Any, clock: FreeClock, said: list[str]
+) -> None:
+    gateway = FakeGateway([mission("msn_1", "live-oak", "converse", "china-grove")], affected=0)
+
+    class EndedStory(Exception):
+        """The story has gone on for long enough."""
+
+    async def sleep_until(moment: datetime) -> None:
+        clock.jump(moment)
+        if clock.now() > NOW + timedelta(minutes=85):
+            gateway.affected = 1
+        if len(said) > 2:
+            raise EndedStory
+
+    clock.sleep_until = sleep_until  # type: ignore[method-assign]
+
+    with pytest.raises(EndedStory):
+        await story_of(gateway).run()
+
+    assert "is closed until" in said[0]
+    assert "people look at a propeller" in said[2]
 
 
 async def test_drones_of_other_providers_are_left_alone(story_of: Any, said: list[str]) -> None:
