@@ -87,3 +87,8 @@ export const stateHint = (kind, state) => STATES[kind][state]?.[1] ?? "";
 
 export const StateText = ({kind, of: state}) =>
   html`<span class="state-text" title=${stateHint(kind, state)}>${stateName(kind, state)}</span>`;
+
+// "On the way, flying".
+export const DeliveryStateText = ({state, activity}) => html`
+  <${StateText} kind="delivery" of=${state} />${
+    activity && html`, <${StateText} kind="deliveryActivity" of=${activity} />`}`;

@@ -24,7 +24,7 @@ VIEWS = {
         "map/drone/drn_1": MARKUP,
         "schedule": "Waits for a drone",
         "deliveries": MARKUP,
-        "deliveries/dlv_1": "Who ordered what",
+        "deliveries/dlv_1": "mission ",
         "fleet": MARKUP,
         "fleet/earnings": "with 2 deliveries",
         "statements": "The month is open",

@@ -171,7 +171,7 @@ export class DroneLayer {
 
   drawSmall(frame, each) {
     const picture = smallPicture(each.track.drone, this.isOld(each, frame), frame.paint);
-    drawPicture(frame.context, picture, each.point, SMALL_HALF_PX);
+    drawPicture(frame.context, picture, each.point.map(wholePixels), SMALL_HALF_PX);
   }
 
   // Where it was in the last minutes: the older, the fainter.
@@ -233,6 +233,9 @@ function nearest({x, y}, things) {
   }
   return found;
 }
+
+// Between pixels of the screen a picture is filtered while it is copied, which takes twice as long.
+const wholePixels = (length) => Math.round(length * devicePixelRatio) / devicePixelRatio;
 
 const drawPicture = (context, picture, [x, y], half) =>
   context.drawImage(picture, x - half, y - half, 2 * half, 2 * half);

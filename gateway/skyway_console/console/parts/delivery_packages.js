@@ -1,6 +1,7 @@
 // The packages of a delivery: where they go, to whom, and when, against what was promised.
 
 import {html} from "../html.js";
+import {StateText} from "../state_words.js";
 import {durationText, inWords, momentText, stationName} from "../words.js";
 
 const LATE_MS = 60_000;
@@ -28,7 +29,7 @@ const Package = ({each, recipient, hasReasons}) => html`
     <th scope="row">${each.package_id}${each.mass_kg && html` <small>${each.mass_kg} kg</small>`}</th>
     <td data-label="To">${each.destination?.station_id ? stationName(each.destination.station_id) : ""}
       <${Recipient} recipient=${each.recipient ?? recipient} /></td>
-    <td data-label="State">${inWords(each.state)}</td>
+    <td data-label="State"><${StateText} kind="package" of=${each.state} /></td>
     <td data-label="Promised">${orNothing(each.due_at)}</td>
     <td data-label="Expected" class="eta">${each.delivered_at
       ? `handed over ${momentText(each.delivered_at)}` : orNothing(each.eta_at)}

@@ -9,6 +9,7 @@ import {html} from "../html.js";
 import {picture} from "../live.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
+import {DeliveryStateText} from "../state_words.js";
 import {distanceText, inWords, momentText, shortId, stationName, wordsOfId} from "../words.js";
 import {confirm} from "./confirm_dialog.js";
 import {DeliveryAudit} from "./delivery_audit.js";
@@ -110,8 +111,8 @@ function Head({deliveryId, delivery, packages, onCancel}) {
     <p><a href=${pathTo("deliveries")}>All deliveries</a></p>
     <header class="story-head">
       <h1>${reference || `Delivery ${shortId(deliveryId)}`}</h1>
-      <p><span class="tag ${isLateNow ? "WARNING" : OVER.includes(state) ? "" : "MOVING"}">${inWords(state)}${
-        activity ? `, ${inWords(activity).toLowerCase()}` : ""}</span>
+      <p><span class="tag ${isLateNow ? "WARNING" : OVER.includes(state) ? "" : "MOVING"}"><${
+        DeliveryStateText} state=${state} activity=${activity} /></span>
         ${" "}for ${wordsOfId(customer)}, ${wayText(delivery, packages)}, requested ${momentText(delivery.created_at)}</p>
       <p class="headline">${headline(delivery, packages)}</p>
       ${!OVER.includes(state) && html`<button onClick=${onCancel}>Cancel the delivery</button>`}

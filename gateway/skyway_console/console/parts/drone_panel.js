@@ -8,6 +8,7 @@ import {isOld} from "../map/drone_motion.js";
 import {kilometres} from "../map/mercator.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
+import {StateText} from "../state_words.js";
 import {clockTime, distanceText, inWords, momentText, percent, shortId, stationName} from "../words.js";
 import {ChargeChart} from "./charge_chart.js";
 import {Facts} from "./facts.js";
@@ -41,13 +42,13 @@ const OldReading = ({drone}) => isOld(drone, fleetNow(), fleetRate()) && html`
 function droneFacts(drone, mission) {
   const kmh = drone.activity === "FLYING" && speedKmh(drone, mission);
   return [
-    ["State", drone.state && inWords(drone.state)],
+    ["State", drone.state && html`<${StateText} kind="drone" of=${drone.state} />`],
     ["Charge", drone.soc !== undefined && percent(drone.soc)],
     ["Planned speed", kmh && `${kmh} km/h`],
     ["Could land", drone.safe_landings?.length > 0 && drone.safe_landings.map(stationName).join(", ")],
     ["Must land", drone.must_land_at && distanceText(drone.must_land_at)],
     ["Faults", drone.faults?.length > 0 && drone.faults.map(faultText).join(", ")],
-    ["Mission", mission && `${inWords(mission.state)}${mission.is_held ? ", held" : ""}`],
+    ["Mission", mission && html`<${StateText} kind="mission" of=${mission.state} />${mission.is_held ? ", held" : ""}`],
     ["In doubt", mission?.doubt && inWords(mission.doubt)],
     ["Trouble", mission?.trouble && inWords(mission.trouble)],
     ["Last reading", drone.at && momentText(drone.at)],

@@ -9,7 +9,8 @@ import {picture} from "../live.js";
 import {networks, showNetwork, shownNetwork} from "../networks.js";
 import {pathTo} from "../routes.js";
 import {isOperator} from "../session.js";
-import {inWords, stationName} from "../words.js";
+import {StateText} from "../state_words.js";
+import {stationName} from "../words.js";
 
 // The class of a sign in styles/map.css, and what it means.
 const STATIONS = [
@@ -64,7 +65,7 @@ export function MapLegend() {
         ${STATIONS.map(([kind, text]) => html`<li><${StationSign} kind=${kind} /> ${text}</li>`)}
       </ul>
       <ul class="counts" aria-label="Drones by state">
-        ${countsByState().map(([state, count]) => html`<li><span>${count}</span> ${inWords(state)}</li>`)}
+        ${countsByState().map(([state, count]) => html`<li><span>${count}</span> <${StateText} kind="drone" of=${state} /></li>`)}
       </ul>
       <div class="legend-more">
         <${LookAhead} />

@@ -6,7 +6,8 @@ import {picture} from "../live.js";
 import {stationsOf} from "../map/features.js";
 import {listNetworks, networkContent} from "../networks.js";
 import {isOperator, session} from "../session.js";
-import {inWords, shortId, stationName} from "../words.js";
+import {stateName} from "../state_words.js";
+import {shortId, stationName} from "../words.js";
 import {plannedCharge} from "./planned_charge.js";
 
 const MOST_ROWS = 200;
@@ -66,7 +67,7 @@ function missionBars({mission_id: id, delivery_id: delivery, state, service, sta
     id, start, end: served, kind: state, href: ["deliveries", delivery],
     name: packagesText(live, missions[id], service.to_station_id),
     way: `${stationName(service.from_station_id)} to ${stationName(service.to_station_id)}`,
-    state: live?.is_held ? "Held" : inWords(state), promises: promisesOf(live),
+    state: live?.is_held ? "Held" : stateName("mission", state), promises: promisesOf(live),
   };
   const until = standby && Date.parse(standby.until_at);
   if (!(until > served)) return [bar];

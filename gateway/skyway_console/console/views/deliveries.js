@@ -6,12 +6,10 @@ import {get, part} from "../api.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {openView, pathTo} from "../routes.js";
-import {inWords, momentText, shortId, stationName} from "../words.js";
+import {DeliveryStateText, stateName, statesOf} from "../state_words.js";
+import {momentText, shortId, stationName} from "../words.js";
 import {againstPromise, isLate} from "../parts/delivery_packages.js";
 import {DeliveryPage} from "../parts/delivery_page.js";
-
-const STATES = ["SCHEDULED", "REQUESTED", "PLANNED", "DISPATCHED", "LOADING", "IN_PROGRESS", "COMPLETED",
-  "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"];
 
 // So many deliveries are shown at first, and so many more each time.
 const PAGE = 50;
@@ -89,7 +87,7 @@ function Row({delivery}) {
       <th scope="row"><a href=${pathTo("deliveries", id)}>${reference || recipientOf(shown) || `Delivery ${shortId(id)}`}</a>
         ${(reference || recipientOf(shown)) && html`<br /><small>${shortId(id)}</small>`}</th>
       <td data-label="Customer">${customer}</td>
-      <td data-label="State"><span class="state-dot ${state}"></span>${inWords(state)}${activity ? `, ${inWords(activity).toLowerCase()}` : ""}</td>
+      <td data-label="State"><span class="state-dot ${state}"></span><${DeliveryStateText} state=${state} activity=${activity} /></td>
       <td data-label="Way">${placeName(pickup)} → ${places.join(", ")}</td>
       <td data-label="Packages">${packages.length}</td>
       <td data-label="Promised">${last?.due_at ? momentText(last.due_at) : ""}</td>
@@ -119,7 +117,7 @@ function DeliveryList() {
       <div class="filters">
         <label>State<select value=${state} onChange=${({target}) => setState(target.value)}>
           <option value="">All</option>
-          ${STATES.map((each) => html`<option value=${each}>${inWords(each)}</option>`)}
+          ${statesOf("delivery").map((each) => html`<option value=${each}>${stateName("delivery", each)}</option>`)}
         </select></label>
         <label>Find below: customer, reference, pickup<input type="search" value=${text}
           onInput=${({target}) => setText(target.value)} /></label>
