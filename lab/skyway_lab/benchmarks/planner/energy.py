@@ -39,7 +39,7 @@ def energy() -> Table:
         ("packages", "requests", "energy: mean", "p90", "worst", "on pads: mean", "p90", "worst"),
     )
     for packages in _PACKAGES:
-        shares = [each for seed in range(1, _NETWORKS + 1) for each in _saved(seed, packages)]
+        shares = [each for seed in range(1, _NETWORKS + 1) for each in saved(seed, packages)]
         columns = list(zip(*shares, strict=True))
         texts = [text for column in columns for text in _as_texts(sorted(column))]
         table.rows.append((str(packages), str(len(shares)), *texts))
@@ -57,19 +57,19 @@ def energy() -> Table:
     return table
 
 
-def _saved(seed: int, packages: int) -> list[tuple[float, float]]:
+def saved(seed: int, packages: int) -> list[tuple[float, float]]:
     """For each request of a network the most that could be saved: of energy, of time on pads."""
     network = synthetic_city(stations=_STATIONS, seed=seed)
     airspace = Airspace.of(network)
     pads = book(network, Congestion(_TAKEN, _DAY_S), sources=[])
-    saved = []
+    shares = []
     cell = Cell(_STATIONS, packages)
     for request in requests(network, cell, runs=_RUNS, limit_s=_LIMIT_S):
         problem = _with_small_battery(request)
         plan = compose(problem, airspace=airspace, booked=pads)
         if plan.status is PlanStatus.OPTIMAL:
-            saved.append(_shares(problem, plan, _least_j(problem, airspace)))
-    return saved
+            shares.append(_shares(problem, plan, _least_j(problem, airspace)))
+    return shares
 
 
 def _with_small_battery(problem: Problem) -> Problem:
