@@ -39,13 +39,23 @@ def json_value(text: bytes | str) -> Any:  # any JSON value
     """
     try:
         text = text.decode("utf-8-sig") if isinstance(text, bytes) else text
-        return json.loads(text, parse_int=whole_or_infinite)
+        return _parsed(text)
     except json.JSONDecodeError as error:
         raise BrokenJson(error.lineno, error.colno) from error
     except UnicodeDecodeError as error:
         raise ValueError("the text is not UTF-8") from error
     except RecursionError as error:
         raise ValueError("the text nests too deeply") from error
+
+
+def _parsed(text: str) -> Any:  # any JSON value
+    from pydantic_core import from_json  # not for those who only ask for help
+
+    try:
+        return from_json(text)  # in about half of the time that Python's parser needs
+    except ValueError:
+        # Python names the place of the fault, or accepts more.
+        return json.loads(text, parse_int=whole_or_infinite)
 
 
 def whole_or_infinite(digits: str) -> int | float:

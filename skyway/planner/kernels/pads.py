@@ -1,14 +1,18 @@
 """The free windows of a station's pads, computed when the search first stands there.
 
 Under partial recharging a drone may change pads, so the windows are the times when any pad is free:
-the union of the pads' windows. A full recharge needs one pad, so the windows stay separate.
+the union of the pads' windows. A full recharge needs one pad, so the windows stay separate; those
+that are too short for any full recharge are left out.
 """
 
 import numpy as np
 
+from skyway.planner.kernels.charging import curve_at, position_of
+from skyway.planner.kernels.closures import slack_s
 from skyway.planner.kernels.compiler import array_kernel, kernel
 from skyway.planner.kernels.memory import FULL, NONE, WINDOWS, Floats, Longs, int64
 from skyway.planner.kernels.records import Book, Search
+from skyway.planner.kernels.weather import has_weather
 
 _MS_PER_S = 1000.0
 
@@ -62,12 +66,13 @@ def windows_of(search: Search, place: int) -> int:
     else:
         pad = np.empty(reserved, np.int64)
         taken_ms = np.empty((reserved, 2), np.int64)
-        end = _gather(given, first_given, end_given, pads, int64(0), pad, taken_ms)
-        end = _gather(known, first_known, end_known, pads, end, pad, taken_ms)
+        unites = not search.task.recharges_fully
+        least_s = 0.0 if unites else _least_session_s(search, row)
+        end = _gather(given, first_given, end_given, pads, least_s, int64(0), pad, taken_ms)
+        end = _gather(known, first_known, end_known, pads, least_s, end, pad, taken_ms)
         pad, taken_ms = pad[:end], taken_ms[:end]
         if first_given < end_given and first_known < end_known:
             _sort(pad, taken_ms)
-        unites = not search.task.recharges_fully
         count = _free(pads, pad, taken_ms, unites, memory.window_s, first)
     memory.window_first[place] = first
     memory.window_count[place] = count
@@ -76,20 +81,60 @@ def windows_of(search: Search, place: int) -> int:
 
 
 @kernel
+def _least_session_s(search: Search, row: int) -> float:
+    """The least time of a recharge to the top at this station; 0 where none is known.
+
+    A drone comes over a segment, and has used the energy for it since it was full. With packages it
+    uses more. Windows that are kept for other drones are not for this drone alone.
+    """
+    skyway, task = search.skyway, search.task
+    is_kept = search.memory.tree_of_row.size > 0
+    if is_kept or row == task.start or not task.compares_masks or has_weather(skyway):
+        return 0.0
+    least_m = np.inf
+    for index in range(skyway.in_offsets[row], skyway.in_offsets[row + 1]):
+        least_m = min(least_m, skyway.in_length[index])
+    without_load = (int64(1) << int64(task.destinations.size)) - 1
+    used_j = least_m * task.j_per_m[without_load] - 2.0 * task.rounding_j
+    top_j = task.curve_j[task.curve_j.size - 1]
+    level_j = max(top_j, task.start_j) - used_j
+    if level_j >= top_j:
+        return 0.0
+    curve = curve_at(task, row)
+    return position_of(task, curve, top_j) - position_of(task, curve, level_j)
+
+
+@kernel
 def _gather(
-    book: Book, first: int, end: int, pads: int, offset: int, pad: Longs, taken_ms: Longs
+    book: Book,
+    first: int,
+    end: int,
+    pads: int,
+    least_s: float,
+    offset: int,
+    pad: Longs,
+    taken_ms: Longs,
 ) -> int:
     """Write a book's reservations from `offset` on, counted from the plan's start; the end.
 
-    Pads that the station does not have are left out: a book may be older than the network.
+    Pads that the station does not have are left out: a book may be older than the network. Two
+    reservations become one if less than `least_s` lies between them.
     """
+    begin = offset
     for index in range(first, end):
         if book.pad[index] >= pads:
             continue
-        pad[offset] = book.pad[index]
-        taken_ms[offset, 0] = book.start_ms[index] - book.zero_ms
+        start_ms = book.start_ms[index] - book.zero_ms
         # An open end stays after all moments of a plan, for any zero moment of the book.
-        taken_ms[offset, 1] = book.end_ms[index] - book.zero_ms
+        end_ms = book.end_ms[index] - book.zero_ms
+        if least_s > 0.0 and offset > begin and pad[offset - 1] == book.pad[index]:
+            free_s = (start_ms - taken_ms[offset - 1, 1]) / _MS_PER_S
+            if free_s < least_s - slack_s(start_ms / _MS_PER_S):
+                taken_ms[offset - 1, 1] = max(taken_ms[offset - 1, 1], end_ms)
+                continue
+        pad[offset] = book.pad[index]
+        taken_ms[offset, 0] = start_ms
+        taken_ms[offset, 1] = end_ms
         offset += 1
     return offset
 

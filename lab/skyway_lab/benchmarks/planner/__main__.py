@@ -14,6 +14,7 @@ from pathlib import Path
 from skyway_lab.benchmarks.planner.charging import charging
 from skyway_lab.benchmarks.planner.cities import SEED
 from skyway_lab.benchmarks.planner.contestants import contestants
+from skyway_lab.benchmarks.planner.energy import energy
 from skyway_lab.benchmarks.planner.extent import FULL, SHORT, Extent
 from skyway_lab.benchmarks.planner.machine import Machine
 from skyway_lab.benchmarks.planner.ordering import ordering
@@ -63,6 +64,7 @@ def _sections(extent: Extent) -> dict[str, Callable[[], Table]]:
         "scarce": partial(scarce, extent),
         "trips": partial(trips, extent),
         "weather": partial(weather, extent),
+        "energy": energy,
     }
 
 

@@ -11,6 +11,7 @@ from skyway_lab.benchmarks.planner.table import Table
 from skyway_lab.experiments.instances import taken_pads
 
 from skyway.drone.models import DJI_MATRICE_300_RTK
+from skyway.json_text import json_value
 from skyway.planner.pad_book import PadBook
 from skyway.planner.problem import Problem
 from skyway.planner.problem_document import read_problem
@@ -63,7 +64,7 @@ def _read(
     kind: Callable[[list[Any]], Any],  # any JSON values
 ) -> tuple[float, float, float]:
     """Milliseconds for the JSON text, for the problem, and for the book of its reservations."""
-    document, json_ms = _timed(lambda: json.loads(text))
+    document, json_ms = _timed(lambda: json_value(text))
     document["network"] = network
     document["pad_reservations"] = kind(document["pad_reservations"])
     problem, problem_ms = _timed(lambda: read_problem(document))

@@ -37,14 +37,26 @@ class Solved:
         is_proven = self.plan.status in (PlanStatus.OPTIMAL, PlanStatus.INFEASIBLE)
         return is_proven or limit_s is None or self.elapsed_ms < 1000 * limit_s
 
+    @property
+    def gap(self) -> float | None:
+        """The share by which an unproven plan may be later than the best; None without one."""
+        delivered_s, bound_s = self.plan.delivery_time_s, self.plan.lower_bound_s
+        if self.is_finished or delivered_s is None or bound_s is None:
+            return None
+        return delivered_s / bound_s - 1.0
+
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What the runs of a cell have in common; the limit cut off those that did not finish."""
+    """What the runs of a cell have in common; the limit cut off those that did not finish.
+
+    `gap` is the largest share by which a plan that was cut off may be later than the best one.
+    """
 
     times: Distribution
     limit_ms: float
     proven: int
+    gap: float | None
     labels: float
     recharges: float
     peak_mib: float | None
@@ -89,6 +101,7 @@ def measured(solved: list[Solved], prepared: Prepared, *, limits: Limits) -> Mea
         times=Distribution.of(finished_ms, cut_off=cut_off, asked=limits.runs),
         limit_ms=1000 * limits.solve_s,
         proven=sum(each.plan.status is PlanStatus.OPTIMAL for each in solved),
+        gap=max((each.gap for each in solved if each.gap is not None), default=None),
         labels=_mean(float(each.plan.stats["labels"]) for each in solved),
         recharges=_mean(float(_recharges(each.plan)) for each in solved),
         peak_mib=peak_mib,

@@ -141,11 +141,16 @@ def _as_texts(row: list[Measured | None]) -> list[str]:
     measured_ones = [cell for cell in row if cell is not None]
     peaks_mib = [cell.peak_mib for cell in measured_ones if cell.peak_mib is not None]
     return [
-        *("" if cell is None else cell.times.as_text() for cell in row),
+        *("" if cell is None else _as_text(cell) for cell in row),
         f"{max((cell.recharges for cell in measured_ones), default=0):.1f}",
         f"{max((cell.labels for cell in measured_ones), default=0):,.0f}",
         f"{max(peaks_mib):.1f}" if peaks_mib else "unknown",
     ]
+
+
+def _as_text(cell: Measured) -> str:
+    gap = "" if cell.gap is None else f", gap {cell.gap:.1%}"
+    return f"{cell.times.as_text()}{gap}"
 
 
 def _remarks(limits: Limits) -> list[str]:
@@ -155,5 +160,6 @@ def _remarks(limits: Limits) -> list[str]:
             f"cell no longer than {limits.cell_s:g} s; (n of m) proven of the runs made, where "
             f"not all {limits.runs} were: quantiles count the others as later than all."
         ),
+        "gap: by so much at most the plans that were cut off are later than the best, as stated.",
         f"{_LABELS} the slowest request of a cell took while it was solved.",
     ]
