@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass
 from typing import Final
 
 from skyway.delivery.lateness import PackageArrival, late_share, later_by_s
+from skyway.drone.learned_values import AS_MODELLED, model_as_learned
+from skyway.drone.model import DroneModel
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.planner.compose import compose
 from skyway.planner.problem import Problem
@@ -23,7 +25,13 @@ from skyway_lab.experiments.report import (
     write_rows,
 )
 from skyway_lab.experiments.sample import Estimate, Sample
-from skyway_lab.experiments.weather_day import DAYS, FlownDelivery, WeatherDay, fly_in_weather
+from skyway_lab.experiments.weather_day import (
+    DAYS,
+    FlownDelivery,
+    KindOfDay,
+    WeatherDay,
+    fly_in_weather,
+)
 
 #: What plans know of the weather, and the standard error of the wind in the forecast, m/s.
 _ERRORS_MPS: Final[Mapping[str, float | None]] = {
@@ -127,10 +135,8 @@ def run_weather_trial(trial: WeatherTrial) -> list[PromisedDelivery]:
 
 def _as_known(problem: Problem, day: WeatherDay, *, error_mps: float | None, seed: int) -> Problem:
     """The problem as a network plans it: with its energy margin, and its forecast if it has one."""
-    model = problem.drone.model
-    with_margin = model.model_copy(
-        update={"power_empty_w": model.power_empty_w * (1 + _ENERGY_MARGIN)}
-    )
+    kind = day.kind if error_mps is not None else None
+    with_margin = as_planned(problem.drone.model, kind)
     changes: dict[str, object] = {
         "strategy": EXACT,
         "drone": problem.drone.model_copy(update={"model": with_margin}),
@@ -141,6 +147,13 @@ def _as_known(problem: Problem, day: WeatherDay, *, error_mps: float | None, see
         wrong = east + random.gauss(0.0, error_mps), north + random.gauss(0.0, error_mps)
         changes["weather"] = day.kind.planned_weather(problem.network, with_margin, wrong)
     return problem.model_copy(update=changes)
+
+
+def as_planned(model: DroneModel, kind: KindOfDay | None) -> DroneModel:
+    """The drone as a network plans it: with its energy margin, and slow charging in known cold."""
+    learned = AS_MODELLED if kind is None else AS_MODELLED.in_cold(kind.temperature_c)
+    changes = {"power_empty_w": model.power_empty_w * (1 + _ENERGY_MARGIN)}
+    return model_as_learned(model, learned).model_copy(update=changes)
 
 
 def _promised(
