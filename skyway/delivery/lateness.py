@@ -40,16 +40,19 @@ _OF_OTHERS: Final = 60
 #: recharges, and its limits. Our own choice.
 _STEP_WEATHER: Final = 0.06
 _STEP_RECHARGES: Final = 0.03
-_LEVELS: Final = (0.6, 0.98)
+_LEVELS: Final = (0.6, 0.99)
 #: Packages are alike if these differ by little: degrees Celsius, metres per second, and shares of
-#: the planned time. A package counts for exp(-1/2) if one of them differs by so much.
+#: the planned time. A package counts for exp(-1/2) if one of them differs by so much. Wind is known
+#: less well the stronger it is, so strong winds may differ by a share more. Our own choice, as are
+#: the next numbers.
 _NEAR_C: Final = 6.0
-_NEAR_MPS: Final = 1.5
-_NEAR_LATE: Final = 0.08
+_NEAR_MPS, _NEAR_WIND_SHARE = 1.0, 0.15
+_NEAR_LATE: Final = 0.12
 _NEAR_RECHARGING: Final = 0.15
-#: What a package counts if it recharges and the other does not, and if nothing is alike.
-_OTHER_RECHARGING: Final = 0.6
-_NOT_ALIKE: Final = 0.01
+#: What a package counts if one of both plans recharges and the other does not, and if nothing is
+#: alike.
+_OTHER_RECHARGING: Final = 0.4
+_NOT_ALIKE: Final = 0.003
 #: So many recharges and more are one group.
 MOST_RECHARGES: Final = 3
 #: So that n + 1 times n / (n + 1) is n.
@@ -84,14 +87,30 @@ class Conditions(JsonModel):
     recharging_share: Annotated[float, Field(ge=0, le=1)] = 0.0
 
     @classmethod
-    def of(cls, plan: Plan, *, air: KnownAir | None, late_share: float | None) -> Self:
-        """What is known about a plan in this air."""
-        planned_s, recharging_s = plan.delivery_time_s or 0.0, plan.recharging_s or 0.0
+    def of(
+        cls,
+        air: KnownAir | None,
+        late_share: float | None,
+        *,
+        planned_s: float,
+        recharges: int,
+        recharging_s: float,
+    ) -> Self:
+        """What is known about a plan that delivers after `planned_s`, with so long on pads."""
+        share = round(min(1.0, recharging_s / max(planned_s, _SHORTEST_S)), 3)
         return cls(
-            air=air,
-            late_share=late_share or 0.0,
+            air=air, late_share=late_share or 0.0, recharges=recharges, recharging_share=share
+        )
+
+    @classmethod
+    def of_plan(cls, plan: Plan, air: KnownAir | None, late_share: float | None) -> Self:
+        """What is known about a plan in this air."""
+        return cls.of(
+            air,
+            late_share,
+            planned_s=plan.delivery_time_s or 0.0,
             recharges=sum(isinstance(step, Recharge) for step in plan.steps),
-            recharging_share=round(min(1.0, recharging_s / max(planned_s, _SHORTEST_S)), 3),
+            recharging_s=plan.recharging_s or 0.0,
         )
 
     @property
@@ -175,7 +194,8 @@ def _same_weather(one: KnownAir | None, other: KnownAir | None) -> float:
     if one.source != other.source:
         return 0.0
     apart = ((one.temperature_c - other.temperature_c) / _NEAR_C) ** 2
-    apart += ((one.wind_mps - other.wind_mps) / _NEAR_MPS) ** 2
+    near_mps = _NEAR_MPS + _NEAR_WIND_SHARE * max(one.wind_mps, other.wind_mps)
+    apart += ((one.wind_mps - other.wind_mps) / near_mps) ** 2
     return exp(-apart / 2)
 
 

@@ -107,8 +107,7 @@ class LearnedValues(WireModel):
 
         Drones learn their charge rate against what their model does in the cold, so it counts once.
         """
-        slower = cold_charging_factor(temperature_c)
-        return self.charging_at_most(self.charge_rate_factor / slower if slower > 1 else None)
+        return self.charging_at_most(self.charge_rate_factor / cold_charging_factor(temperature_c))
 
     @property
     def consumption_factor(self) -> float:

@@ -49,9 +49,9 @@ class AirOfPlan:
     known: KnownAir
     late_share: float
 
-    def conditions(self, plan: Plan) -> Conditions:
+    def conditions_of(self, plan: Plan) -> Conditions:
         """What is known about this plan."""
-        return Conditions.of(plan, air=self.known, late_share=self.late_share)
+        return Conditions.of_plan(plan, self.known, self.late_share)
 
 
 def air_in_forecast(

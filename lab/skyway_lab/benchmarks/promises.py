@@ -124,7 +124,7 @@ def _planned(
     else:
         measured = MeasuredAir(*seen_mps, temperature_c=day.kind.temperature_c)
         air = air_as_measured(problem.network, measured, model, flights)
-    return plan, air.conditions(plan)
+    return plan, air.conditions_of(plan)
 
 
 def _seen(day: WeatherDay, *, has_forecast: bool, seed: int) -> Velocity:
@@ -212,7 +212,7 @@ def measure(*, deliveries: int, seeds: Sequence[int]) -> dict[tuple[str, Order],
 def table(found: Mapping[tuple[str, Order], Sequence[Promised]]) -> Table:
     """Coverage, mean width and the share of late packages, a row for each group."""
     header = ("weather known by", "days", "group", "by P90", "P90 after the plan", "10 min later")
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (knowledge, order, name, *_figures(group))
         for (knowledge, order), promises in found.items()
         for name, group in {**coverage(promises), "all": promises}.items()

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
-from skyway.delivery.lateness import PackageArrival, late_share, later_by_s
+from skyway.delivery.lateness import Conditions, PackageArrival, late_share, later_by_s
 from skyway.drone.learned_values import AS_MODELLED, model_as_learned
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DJI_MATRICE_300_RTK
@@ -46,7 +46,7 @@ SETTING: Final = Setting(packages=1, model=DJI_MATRICE_300_RTK, recharge_policy=
 _ENERGY_MARGIN: Final = 0.15
 
 #: The last packages from which the P90 is learned, as in the gateway.
-_LAST: Final = 300
+_LAST: Final = 600
 
 #: A package that comes later than planned by more than this counts as late, seconds.
 _LATE_S: Final = 600.0
@@ -124,12 +124,14 @@ def run_weather_trial(trial: WeatherTrial) -> list[PromisedDelivery]:
         if not plan.delivery_time_s:
             continue
         delivery = fly_in_weather(problem, plan, day)
-        share = late_share(come[-_LAST:])
+        # All deliveries of a trial fly on one kind of day: their weather need not be known.
+        known = Conditions.of_plan(plan, None, None)
+        share = late_share(known, come[-_LAST:])
         p90_s = None if share is None else later_by_s(plan.delivery_time_s, share)
         one = _promised(number, plan.delivery_time_s, delivery, p90_s=p90_s)
         flown.append(one)
         was_covered = None if p90_s is None else one.came_by_p90
-        come.append(PackageArrival(one.planned_s, one.late_s, was_covered))
+        come.append(PackageArrival(one.planned_s, one.late_s, was_covered, known))
     return flown
 
 

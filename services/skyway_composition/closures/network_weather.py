@@ -229,10 +229,6 @@ class NetworkWeather:
             return risk.in_climate(model)
         return float(wind.in_error(model, risk.deviations)[0, 0])
 
-    def temperature_c(self, at_ms: int) -> float:
-        """The temperature of the air in the network at a moment, degrees Celsius."""
-        return self.forecast.mean_temperature_c(at_ms / 1000)
-
     def air_of(
         self, model: DroneModel, flights: Sequence[Fly], *, start_ms: int
     ) -> AirOfPlan | None:

@@ -12,7 +12,7 @@ from skyway_gateway.lateness.store import MOST_OF_PROVIDER, KeptPromises, delive
 from sqlalchemy import insert, select, update
 
 from skyway.contracts.margins import Margins
-from skyway.delivery.lateness import FEWEST, PackageArrival, late_share
+from skyway.delivery.lateness import FEWEST, UNKNOWN, Conditions, PackageArrival, late_share
 from skyway.ids import NetworkId, ProviderId, StationId
 from skyway.units import moment_to_ms
 from tests.gateway.whole_gateway import Gateway, make_request
@@ -241,7 +241,7 @@ async def test_packages_that_may_come_later_say_nothing_about_kept_promises(
 
     await forecast.step()
 
-    expected = late_share([PackageArrival(600.0, each, None) for each in late])
+    expected = late_share(UNKNOWN, [PackageArrival(600.0, each, None) for each in late])
     assert forecast.late_share(network_id, mission["provider_id"]) == expected
 
 
@@ -264,10 +264,11 @@ async def test_packages_that_may_come_later_take_no_places_of_others(gateway: Ga
 async def test_the_weather_of_the_plan_gives_a_p90_until_one_is_learned(gateway: Gateway) -> None:
     forecast = gateway.parts.forecast
     network_id = gateway.parts.networks.cached.network_of(StationId("san-marcos"))
-    calm, windy = Margins(), Margins(late_share=0.25)
+    windy = Margins(late_share=0.25)
     provider_id = ProviderId("prv_new")
 
-    before = [forecast.late_share(network_id, provider_id, each) for each in ([calm], [windy])]
+    plans = Conditions(), Conditions(late_share=0.25)
+    before = [forecast.late_share(network_id, provider_id, [each]) for each in plans]
     gateway.composition.margins = windy
     [package] = (await gateway.get(await gateway.planned()))["packages"]
     await teach(gateway)
@@ -276,8 +277,7 @@ async def test_the_weather_of_the_plan_gives_a_p90_until_one_is_learned(gateway:
     margin = moment(package, "promised_p90_at") - moment(package, "promised_at")
     assert margin.total_seconds() > 60
     assert package["due_at"] == package["promised_p90_at"]
-    learned = forecast.late_share(network_id, provider_id)
-    assert learned == forecast.late_share(network_id, provider_id, [windy]) != 0.25
+    assert forecast.late_share(network_id, provider_id, [plans[1]]) != 0.25
 
 
 async def deliver_at(gateway: Gateway, delivery_id: str, at: datetime) -> None:
