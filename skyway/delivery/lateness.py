@@ -19,7 +19,7 @@ providers weighs the same, so the largest provider counts no more than the other
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, Final, Literal, NamedTuple, Self
 
 from pydantic import Field
 
@@ -64,14 +64,41 @@ _SHORTEST_S: Final = 300.0
 _LARGEST_SHARE: Final = 3.0
 
 
+#: The weather of a group is cold below this temperature, degrees Celsius, else windy and stormy
+#: from these winds on, metres per second. Our own choice, for people who look at the groups.
+_COLD_C: Final = 5.0
+_WINDY_MPS, _STORMY_MPS = 2.0, 6.0
+
+
+KnownBy = Literal["FORECAST", "MEASURED"]
+Weather = Literal["CALM", "WINDY", "STORMY", "COLD"]
+
+
+class ConditionsGroup(NamedTuple):
+    """Conditions as people see them; the number of recharges ends at `MOST_RECHARGES`."""
+
+    known_by: KnownBy | None
+    weather: Weather | None
+    recharges: int
+
+
 class KnownAir(JsonModel):
     """What is known of the air when a plan is made: by a forecast, or as the fleet measures it."""
 
-    source: Literal["FORECAST", "MEASURED"]
+    source: KnownBy
     wind_mps: Annotated[
         float, Field(ge=0, description="Mean wind on the plan's flights, metres per second.")
     ]
     temperature_c: Annotated[float, Field(description="Temperature of the air, degrees Celsius.")]
+
+    @property
+    def weather(self) -> Weather:
+        """The weather in a word."""
+        if self.temperature_c < _COLD_C:
+            return "COLD"
+        if self.wind_mps < _WINDY_MPS:
+            return "CALM"
+        return "WINDY" if self.wind_mps < _STORMY_MPS else "STORMY"
 
 
 class Conditions(JsonModel):
@@ -114,10 +141,12 @@ class Conditions(JsonModel):
         )
 
     @property
-    def recharging_group(self) -> tuple[str, int]:
-        """By what the weather is known, and how many recharges the plan has, up to a most."""
-        source = "NONE" if self.air is None else self.air.source
-        return source, min(self.recharges, MOST_RECHARGES)
+    def group(self) -> ConditionsGroup:
+        """The group for which coverage is shown."""
+        recharges = min(self.recharges, MOST_RECHARGES)
+        if self.air is None:
+            return ConditionsGroup(None, None, recharges)
+        return ConditionsGroup(self.air.source, self.air.weather, recharges)
 
 
 #: Nothing is known: packages that were promised before conditions were noted.
@@ -199,6 +228,10 @@ def _same_weather(one: KnownAir | None, other: KnownAir | None) -> float:
     return exp(-apart / 2)
 
 
+def _recharges_as_often(one: ConditionsGroup, other: ConditionsGroup) -> bool:
+    return (one.known_by, one.recharges) == (other.known_by, other.recharges)
+
+
 def _weighted(scores: Sequence[tuple[float, float]], needed: float) -> float:
     """The least score such that the scores up to it weigh as much as `needed`."""
     *smaller, (largest, _) = sorted(scores)
@@ -214,7 +247,7 @@ def _level(known: Conditions, arrivals: Sequence[PackageArrival]) -> float:
     for each in arrivals:
         if each.was_covered is not None:
             step = _STEP_WEATHER * _same_weather(known.air, each.known.air)
-            step += _STEP_RECHARGES * (known.recharging_group == each.known.recharging_group)
+            step += _STEP_RECHARGES * _recharges_as_often(known.group, each.known.group)
             level += step * (COVERED - each.was_covered)
             level = min(max(level, _LEVELS[0]), _LEVELS[1])
     return level

@@ -5,13 +5,14 @@ from collections import defaultdict, deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
-from typing import Final
+from typing import Final, NamedTuple
 
 from skyway.contracts.mission import DeliveryMission
 from skyway.contracts.quote import OfferTerms
 from skyway.delivery.lateness import (
     UNKNOWN,
     Conditions,
+    ConditionsGroup,
     PackageArrival,
     late_share,
     later_by_s,
@@ -42,6 +43,13 @@ def _no_arrivals() -> deque[PackageArrival]:
 
 def _no_providers() -> _Providers:
     return defaultdict(_no_arrivals)
+
+
+class Covered(NamedTuple):
+    """A number of packages that had a P90, and how many of them came by then."""
+
+    packages: int
+    in_time: int
 
 
 @dataclass(slots=True)
@@ -88,6 +96,19 @@ class LatenessForecast:
         if learned is not None:
             return learned
         return max((each.late_share for each in plans if each.late_share), default=None)
+
+    def coverage(self, provider_id: ProviderId | None = None) -> dict[ConditionsGroup, Covered]:
+        """How the P90s of the last packages were kept, by what was known when they were promised.
+
+        Of one provider, or of all without an id.
+        """
+        found: dict[ConditionsGroup, list[bool]] = defaultdict(list)
+        for providers in self._arrivals.values():
+            for name, arrivals in providers.items():
+                for each in arrivals if provider_id in (None, name) else ():
+                    if each.was_covered is not None:
+                        found[each.known.group].append(each.was_covered)
+        return {group: Covered(len(each), sum(each)) for group, each in found.items()}
 
     async def step(self) -> bool:
         """Step of a loop: read the packages that have come since the last step. Always False."""

@@ -13,11 +13,13 @@ import argparse
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from statistics import fmean
 from typing import Final, Literal
 
 from skyway_lab.benchmarks.planner.table import Table
 from skyway_lab.experiments.contest import EXACT
+from skyway_lab.experiments.figures import Axis, Stack, draw_groups
 from skyway_lab.experiments.instances import chance, seed_of, texas_problem
 from skyway_lab.experiments.weather import SETTING, as_planned
 from skyway_lab.experiments.weather_day import DAYS, KindOfDay, Velocity, WeatherDay, fly_in_weather
@@ -230,14 +232,45 @@ def _figures(group: Sequence[Promised]) -> tuple[str, str, str]:
     )
 
 
+def draw(found: Mapping[tuple[str, Order], Sequence[Promised]], path: Path) -> None:
+    """A figure of the coverage: groups of bars by kind of day and by number of recharges."""
+    groups = [
+        name.replace(" recharge", "\nrecharge") for name in coverage(next(iter(found.values())))
+    ]
+    draw_groups(
+        path,
+        "Packages that came by their P90",
+        x=Axis("kind of day, and recharges of the plan"),
+        y=Axis("share of the packages, %"),
+        groups=groups,
+        bars=[
+            Stack(
+                f"{knowledge}, {order}",
+                [
+                    100 * fmean(each.is_in_time for each in group)
+                    for group in coverage(promises).values()
+                ],
+            )
+            for (knowledge, order), promises in found.items()
+            if "both" not in knowledge
+        ],
+    )
+
+
 def main() -> None:
     """Fly and promise, and print the table."""
     parser = argparse.ArgumentParser(prog="python -m skyway_lab promises", description=__doc__)
     parser.add_argument("--deliveries", type=int, default=600, help="of each kind of day")
     parser.add_argument("--seeds", default="1", help="whole numbers, separated by commas")
+    parser.add_argument(
+        "--figure", type=Path, help="draw the coverage into this file, .svg or .png"
+    )
     given = parser.parse_args()
     seeds = [int(each) for each in given.seeds.split(",")]
-    print(table(measure(deliveries=given.deliveries, seeds=seeds)).as_markdown())
+    found = measure(deliveries=given.deliveries, seeds=seeds)
+    print(table(found).as_markdown())
+    if given.figure is not None:
+        draw(found, given.figure)
 
 
 if __name__ == "__main__":

@@ -188,8 +188,8 @@ class CachedConditions:
         if key != self._forecast_key:
             weather = None if key is None else await self._read_weather(db)
         measured = self._conditions.measured if weather is None else None
-        conditions = Conditions(self._conditions.network, closures, weather, measured)
-        self._number, self._conditions, self._forecast_key = number, conditions, key
+        self._number, self._forecast_key = number, key
+        self._conditions = Conditions(self._conditions.network, closures, weather, measured)
 
     async def _measure(self, db: Database, *, now_ms: int) -> None:
         """Read the air that drones measure; it changes slowly and only makes promises later."""

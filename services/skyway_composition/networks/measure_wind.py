@@ -82,10 +82,8 @@ class MeasuredWinds:
 def _is_news(before: MeasuredWind | None, found: MeasuredWind, *, now_ms: int) -> bool:
     """Whether a correction differs from the stored one, or renews one that is old and has faded."""
     earlier = () if before is None else before.places
-    if earlier != found.places:
-        return True
     is_old = before is not None and moment_to_ms(before.at) + _SAME_FOR_MS <= now_ms
-    return bool(earlier) and is_old
+    return earlier != found.places or (bool(earlier) and is_old)
 
 
 def _correction(row: ForecastRow, measured: Sequence[Measurement], *, now_ms: int) -> MeasuredWind:
