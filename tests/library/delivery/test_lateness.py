@@ -1,7 +1,8 @@
 """The lateness that nine of ten packages do not exceed, learned from those that have come."""
 
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -11,6 +12,8 @@ from skyway.delivery.lateness import (
     BORROWED,
     FEWEST,
     UNKNOWN,
+    Conditions,
+    KnownAir,
     PackageArrival,
     late_share,
     later_by_s,
@@ -96,6 +99,60 @@ def test_about_nine_of_ten_packages_come_by_their_p90_although_the_weather_chang
 
     covered = [each.was_covered for each in arrivals if each.was_covered is not None]
     assert 0.87 <= sum(covered) / len(covered) <= 0.93
+
+
+def in_wind(wind_mps: float, *, recharges: int = 0) -> Conditions:
+    """What is known of a plan in this wind."""
+    air = KnownAir(source="FORECAST", wind_mps=wind_mps, temperature_c=15.0)
+    return Conditions(air=air, recharges=recharges)
+
+
+def under(known: Conditions, arrivals: Iterable[PackageArrival]) -> list[PackageArrival]:
+    return [replace(each, known=known) for each in arrivals]
+
+
+def test_packages_in_the_same_weather_decide_the_p90() -> None:
+    calm, storm = in_wind(1.0), in_wind(9.0)
+    mixed = [*under(calm, come(60, lambda _: 0.0)), *under(storm, come(60, lambda _: 500.0))]
+
+    assert late_share(calm, mixed) == 0.0
+    assert late_share(storm, mixed) == pytest.approx(0.5)
+
+
+def test_all_packages_count_while_none_was_promised_in_such_weather() -> None:
+    calm = under(in_wind(1.0), come(99, lambda number: 10.0 * number))
+
+    assert late_share(in_wind(20.0), calm) == pytest.approx(0.89)
+
+
+def test_a_wind_that_is_measured_says_nothing_about_plans_in_a_forecast() -> None:
+    air = KnownAir(source="MEASURED", wind_mps=9.0, temperature_c=15.0)
+    measured = under(Conditions(air=air), come(60, lambda _: 500.0))
+    forecast = under(in_wind(9.0), come(60, lambda _: 100.0))
+
+    assert late_share(in_wind(9.0), [*measured, *forecast]) == pytest.approx(0.1)
+
+
+def test_misses_of_plans_with_as_many_recharges_widen_the_p90_most() -> None:
+    def share_after_misses_with(recharges: int) -> float:
+        usual = under(in_wind(3.0, recharges=2), come(100, float))
+        missed = under(in_wind(30.0, recharges=recharges), come(5, float, was_covered=False))
+        return late_share(in_wind(3.0, recharges=2), [*usual, *missed]) or 0.0
+
+    assert share_after_misses_with(2) > share_after_misses_with(1)
+
+
+@pytest.mark.parametrize(
+    ("wind_mps", "temperature_c", "weather"),
+    [(1.9, 15.0, "CALM"), (2.0, 15.0, "WINDY"), (6.0, 15.0, "STORMY"), (6.0, 4.0, "COLD")],
+)
+def test_people_see_the_weather_in_a_word(
+    wind_mps: float, temperature_c: float, weather: str
+) -> None:
+    air = KnownAir(source="MEASURED", wind_mps=wind_mps, temperature_c=temperature_c)
+
+    assert Conditions(air=air, recharges=7).group == ("MEASURED", weather, 3)
+    assert UNKNOWN.group == (None, None, 0)
 
 
 @pytest.mark.parametrize("size", [20, 300, 5_000])
