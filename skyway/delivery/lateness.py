@@ -42,12 +42,11 @@ _STEP_WEATHER: Final = 0.06
 _STEP_RECHARGES: Final = 0.03
 _LEVELS: Final = (0.6, 0.99)
 #: Packages are alike if these differ by little: degrees Celsius, metres per second, and shares of
-#: the planned time. A package counts for exp(-1/2) if one of them differs by so much. Wind is known
-#: less well the stronger it is, so strong winds may differ by a share more. Our own choice, as are
-#: the next numbers.
+#: the planned time. A package counts for exp(-1/2) if one of them differs by so much. A strong wind
+#: is known less well, so winds and their lateness may differ by a share more. Our own choice, as
+#: are the next numbers.
 _NEAR_C: Final = 6.0
-_NEAR_MPS, _NEAR_WIND_SHARE = 1.0, 0.15
-_NEAR_LATE: Final = 0.12
+_NEAR_MPS, _NEAR_LATE, _NEAR_SHARE = 1.0, 0.03, 0.15
 _NEAR_RECHARGING: Final = 0.15
 #: What a package counts if one of both plans recharges and the other does not, and if nothing is
 #: alike.
@@ -210,7 +209,7 @@ def _score(arrival: PackageArrival) -> float:
 
 def _alike(one: Conditions, other: Conditions) -> float:
     """How much one plan says about another one, 0 to 1."""
-    apart = ((one.late_share - other.late_share) / _NEAR_LATE) ** 2
+    apart = _apart(one.late_share, other.late_share, near=_NEAR_LATE) ** 2
     apart += ((one.recharging_share - other.recharging_share) / _NEAR_RECHARGING) ** 2
     same = 1.0 if (one.recharges > 0) == (other.recharges > 0) else _OTHER_RECHARGING
     return same * exp(-apart / 2) * _same_weather(one.air, other.air)
@@ -223,9 +222,13 @@ def _same_weather(one: KnownAir | None, other: KnownAir | None) -> float:
     if one.source != other.source:
         return 0.0
     apart = ((one.temperature_c - other.temperature_c) / _NEAR_C) ** 2
-    near_mps = _NEAR_MPS + _NEAR_WIND_SHARE * max(one.wind_mps, other.wind_mps)
-    apart += ((one.wind_mps - other.wind_mps) / near_mps) ** 2
+    apart += _apart(one.wind_mps, other.wind_mps, near=_NEAR_MPS) ** 2
     return exp(-apart / 2)
+
+
+def _apart(one: float, other: float, *, near: float) -> float:
+    """How far two values of the wind are apart; 1 if they are as near as counts as alike."""
+    return (one - other) / (near + _NEAR_SHARE * max(one, other))
 
 
 def _recharges_as_often(one: ConditionsGroup, other: ConditionsGroup) -> bool:
