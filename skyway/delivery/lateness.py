@@ -184,12 +184,15 @@ def late_share(
         return None
     parts = [(own, 1.0)]
     parts.extend((each, borrowed / len(groups) / len(each)) for each in groups)
-    scores = [
-        (_score(each), weight * (_NOT_ALIKE + _alike(known, each.known)))
-        for arrivals, weight in parts
-        for each in arrivals
-    ]
-    level = sum(weight * len(each) * _level(known, each) for each, weight in parts) / count
+    scores: list[tuple[float, float]] = []
+    level = 0.0
+    for arrivals, weight in parts:
+        same = [_same_weather(known.air, each.known.air) for each in arrivals]
+        scores.extend(
+            (_score(each), weight * (_NOT_ALIKE + weather * _alike(known, each.known)))
+            for each, weather in zip(arrivals, same, strict=True)
+        )
+        level += weight * len(arrivals) / count * _level(known, arrivals, same)
     whole = sum(weight for _, weight in scores)
     # Packages of different weights say as much as so many equal ones (Kish 1965), and n packages
     # support no higher level than n / (n + 1).
@@ -208,11 +211,11 @@ def _score(arrival: PackageArrival) -> float:
 
 
 def _alike(one: Conditions, other: Conditions) -> float:
-    """How much one plan says about another one, 0 to 1."""
+    """How much one plan says about another one in the same weather, 0 to 1."""
     apart = _apart(one.late_share, other.late_share, near=_NEAR_LATE) ** 2
     apart += ((one.recharging_share - other.recharging_share) / _NEAR_RECHARGING) ** 2
     same = 1.0 if (one.recharges > 0) == (other.recharges > 0) else _OTHER_RECHARGING
-    return same * exp(-apart / 2) * _same_weather(one.air, other.air)
+    return same * exp(-apart / 2)
 
 
 def _same_weather(one: KnownAir | None, other: KnownAir | None) -> float:
@@ -231,10 +234,6 @@ def _apart(one: float, other: float, *, near: float) -> float:
     return (one - other) / (near + _NEAR_SHARE * max(one, other))
 
 
-def _recharges_as_often(one: ConditionsGroup, other: ConditionsGroup) -> bool:
-    return (one.known_by, one.recharges) == (other.known_by, other.recharges)
-
-
 def _weighted(scores: Sequence[tuple[float, float]], needed: float) -> float:
     """The least score such that the scores up to it weigh as much as `needed`."""
     *smaller, (largest, _) = sorted(scores)
@@ -245,12 +244,20 @@ def _weighted(scores: Sequence[tuple[float, float]], needed: float) -> float:
     return largest
 
 
-def _level(known: Conditions, arrivals: Sequence[PackageArrival]) -> float:
-    level = COVERED
-    for each in arrivals:
-        if each.was_covered is not None:
-            step = _STEP_WEATHER * _same_weather(known.air, each.known.air)
-            step += _STEP_RECHARGES * _recharges_as_often(known.group, each.known.group)
-            level += step * (COVERED - each.was_covered)
-            level = min(max(level, _LEVELS[0]), _LEVELS[1])
+def _level(
+    known: Conditions, arrivals: Sequence[PackageArrival], same_weather: Sequence[float]
+) -> float:
+    """The level that the packages which came so far support under these conditions."""
+    level, source = COVERED, None if known.air is None else known.air.source
+    recharges = min(known.recharges, MOST_RECHARGES)
+    for each, weather in zip(arrivals, same_weather, strict=True):
+        if each.was_covered is None:
+            continue
+        step, air = _STEP_WEATHER * weather, each.known.air
+        if source == (None if air is None else air.source) and recharges == min(
+            each.known.recharges, MOST_RECHARGES
+        ):
+            step += _STEP_RECHARGES
+        level += step * (COVERED - each.was_covered)
+        level = min(max(level, _LEVELS[0]), _LEVELS[1])
     return level

@@ -12,7 +12,14 @@ from skyway_gateway.lateness.store import MOST_OF_PROVIDER, KeptPromises, delive
 from sqlalchemy import insert, select, update
 
 from skyway.contracts.margins import Margins
-from skyway.delivery.lateness import FEWEST, UNKNOWN, Conditions, PackageArrival, late_share
+from skyway.delivery.lateness import (
+    FEWEST,
+    UNKNOWN,
+    Conditions,
+    KnownAir,
+    PackageArrival,
+    late_share,
+)
 from skyway.ids import NetworkId, ProviderId, StationId
 from skyway.units import moment_to_ms
 from tests.gateway.whole_gateway import Gateway, make_request
@@ -357,6 +364,29 @@ async def test_kept_promises_are_shown_by_network_and_provider(gateway_on_both: 
     assert customer.status_code == 403
     assert gauges["skyway_promised_packages", "day"] == 4
     assert gauges["skyway_promised_packages_in_time", "week"] == 4
+
+
+async def test_the_last_packages_are_shown_by_what_was_known_of_them(gateway: Gateway) -> None:
+    air = KnownAir(source="FORECAST", wind_mps=8.0, temperature_c=15.0)
+    gateway.composition.margins = Margins(late_share=0.25, air=air)
+    await teach(gateway)
+    for late_min in (1, 90):
+        await deliver(gateway, late=timedelta(minutes=late_min))
+    await gateway.parts.forecast.step()
+
+    answer = await gateway.http.get("/v1/stats/promises", headers=gateway.operator)
+    gauges = {each.name: each for each in await GatewayGauges(gateway.parts)._groups()}
+
+    [group] = answer.json()["groups"]
+    assert (group["known_by"], group["weather"]) == ("FORECAST", "STORMY")
+    labels = gauges["skyway_p90_packages"].labels
+    assert labels == {
+        "known_by": "FORECAST",
+        "weather": "STORMY",
+        "recharges": f"{group['recharges']}",
+    }
+    in_time = gauges["skyway_p90_packages_in_time"].value
+    assert group["p90_share"] == in_time / group["packages"] < 1.0
 
 
 def make_kept(network: str, provider: str, packages: int, in_time: int) -> KeptPromises:
