@@ -58,11 +58,12 @@ class Conditions:
         self, model: DroneModel, flights: Sequence[Fly], *, start_ms: int
     ) -> AirOfPlan | None:
         """What is known of the air of a plan with these flights; None if nothing is."""
-        if self.weather is not None and flights:
-            return self.weather.air_of(model, flights, start_ms=start_ms)
-        if self.measured is None or not flights:
-            return None
-        return air_as_measured(self.network, self.measured, model, flights)
+        weather, measured = self.weather, self.measured
+        if flights and weather is not None and start_ms < weather.over_ms:
+            return weather.air_of(model, flights, start_ms=start_ms)
+        if flights and measured is not None:
+            return air_as_measured(self.network, measured, model, flights)
+        return None
 
     def problem_closures(self, start_ms: int) -> tuple[StationClosure | SegmentClosure, ...]:
         """Each station and segment that is closed after a plan's start, by zones too."""

@@ -229,12 +229,8 @@ class NetworkWeather:
             return risk.in_climate(model)
         return float(wind.in_error(model, risk.deviations)[0, 0])
 
-    def air_of(
-        self, model: DroneModel, flights: Sequence[Fly], *, start_ms: int
-    ) -> AirOfPlan | None:
-        """The air of a plan with these flights; None if the forecast is over when it begins."""
-        if start_ms >= self.over_ms:
-            return None
+    def air_of(self, model: DroneModel, flights: Sequence[Fly], *, start_ms: int) -> AirOfPlan:
+        """The air of a plan with these flights, which begins before the forecast is over."""
         wind, start_s = self._on_segments(), start_ms / 1000
         return air_in_forecast(self.forecast, wind, model, flights, start_s=start_s)
 
