@@ -7,7 +7,6 @@ from skyway_lab.benchmarks.promises import KINDS, coverage, flown_on, in_order, 
 _LEAST, _MOST = 0.83, 0.97
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("seed", [21, 22])
 @pytest.mark.parametrize("has_forecast", [True, False])
 def test_nine_of_ten_packages_come_by_their_p90_on_each_kind_of_day(
