@@ -128,7 +128,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             clock_routes(anchor=parts.anchor),
             provider_routes(context, registry=parts.clients["registry"], keys=keys),
             ledger_routes(context, reporting=parts.reporting),
-            statistics_routes(context, reporting=parts.reporting),
+            statistics_routes(context, reporting=parts.reporting, forecast=parts.forecast),
             audit_routes(context),
             limit_routes(
                 meters=parts.meters,

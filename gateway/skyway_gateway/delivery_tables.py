@@ -204,6 +204,8 @@ missions = Table(
     Column("currency", Text),
     Column("ended_ms", BigInteger),
     Column("start_ms", BigInteger, nullable=False),  # as first booked; later revisions start later
+    # JSON of skyway.delivery.lateness.Conditions: what was known when its packages were promised
+    Column("promised_on", Text),
     # What the drone did up to its last hand-over, as it reported.
     Column("flight_s", Double),
     Column("waiting_s", Double),

@@ -29,6 +29,7 @@ _STATES: Final = (
 _PROMISES_KEPT_S: Final = 300.0
 _PROMISED: Final = "packages with a P90 that were delivered in the last day or week of fleet time"
 _IN_TIME: Final = "those of them that came by their P90"
+_LAST: Final = "packages with a P90 among the last from which it is learned, by what was known"
 _NO_PROMISES: Final = KeptPromises(
     None, ProviderId(""), packages={"day": 0, "week": 0}, in_time={"day": 0, "week": 0}
 )
@@ -49,6 +50,7 @@ class GatewayGauges:
             GaugeSource("outbox", messages.read),
             GaugeSource("live", self._live, kept_s=0.0),
             GaugeSource("promises", self._promises, kept_s=_PROMISES_KEPT_S),
+            GaugeSource("promise groups", self._groups),
         )
 
     async def _deliveries(self) -> list[Gauge]:
@@ -90,6 +92,19 @@ class GatewayGauges:
                 readings.append(
                     Gauge("skyway_promised_packages_in_time", _IN_TIME, in_time, labels)
                 )
+        return readings
+
+    async def _groups(self) -> list[Gauge]:
+        """How the P90s of the last packages were kept, by what was known of each."""
+        readings = []
+        for group, covered in sorted(self.parts.forecast.coverage().items(), key=str):
+            labels = {
+                "known_by": group.known_by or "",
+                "weather": group.weather or "",
+                "recharges": f"{group.recharges}",
+            }
+            readings.append(Gauge("skyway_p90_packages", _LAST, covered.packages, labels))
+            readings.append(Gauge("skyway_p90_packages_in_time", _IN_TIME, covered.in_time, labels))
         return readings
 
     async def _live(self) -> list[Gauge]:

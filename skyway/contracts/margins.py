@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from skyway.delivery.lateness import KnownAir
 from skyway.ids import StationId
 from skyway.json_model import WireModel
 
@@ -95,8 +96,17 @@ class Margins(WireModel):
         Field(
             ge=0,
             exclude_if=lambda value: value is None,
-            description="How late the error of the forecast makes a package in nine of ten cases, "
-            "at most, as a share of the planned time. The P90 uses it until enough lateness is "
-            "learned. Left out without a forecast.",
+            description="How late the wind makes a package in nine of ten cases, at most, as a "
+            "share of the planned time: the error of the forecast, or the wind that drones measure "
+            "if there is no forecast. The P90 uses it until enough lateness is learned. Left out "
+            "if nothing is known of the wind.",
+        ),
+    ] = None
+    air: Annotated[
+        KnownAir | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="What was known of the air when the plan was made; the P90 is learned from "
+            "packages in air like this. Left out if nothing was known.",
         ),
     ] = None

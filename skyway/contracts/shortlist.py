@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 from skyway.contracts.candidate import Candidate, Loading, ProviderReason, Standby
 from skyway.contracts.message import Soc
 from skyway.delivery.offer import Tariff
+from skyway.drone.charging import cold_charging_factor
 from skyway.drone.learned_values import AS_MODELLED, LearnedValues, model_as_learned
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneId, DroneModelId, ProviderId, StationId
@@ -195,6 +196,16 @@ class Shortlist(WireModel):
             learned=learned_column(self.each_learned[row] for row in rows),
         )
 
+    def in_cold(self, temperature_c: float | None) -> Self:
+        """The shortlist in air of this temperature: in the cold all drones charge more slowly.
+
+        None is a temperature that is not known.
+        """
+        if temperature_c is None or cold_charging_factor(temperature_c) <= 1:
+            return self
+        learned = {each: each.in_cold(temperature_c) for each in set(self.each_learned)}
+        return self._with(learned=learned_column(learned[each] for each in self.each_learned))
+
     def with_tariff(self, provider_id: ProviderId, tariff: Tariff) -> Self:
         """The shortlist with another tariff of this provider."""
         if provider_id not in self.terms_of:
@@ -210,9 +221,12 @@ class Shortlist(WireModel):
         providers = tuple(
             each.model_copy(update=changes.get(each.provider_id, {})) for each in self.providers
         )
+        return self._with(providers=providers)
+
+    def _with(self, **changes: object) -> Self:
         # Not `model_copy`: the copy would keep the terms that `terms_of` has cached.
         columns = {name: getattr(self, name) for name in type(self).model_fields}
-        return type(self)(**{**columns, "providers": providers})
+        return type(self)(**{**columns, **changes})
 
     def of_provider(self, provider_id: ProviderId) -> Self:
         """The shortlist of one provider's drones."""

@@ -6,6 +6,7 @@ from typing import Annotated, Final, Self
 
 from pydantic import Field
 
+from skyway.drone.charging import cold_charging_factor
 from skyway.drone.model import ChargePoint, DroneModel
 from skyway.json_model import WireModel
 
@@ -100,6 +101,13 @@ class LearnedValues(WireModel):
         if factor >= self.charge_rate_factor:
             return self
         return self.model_copy(update={"charge_rate_factor": factor})
+
+    def in_cold(self, temperature_c: float) -> Self:
+        """These values in air of this temperature, degrees Celsius: in the cold it charges slowly.
+
+        Drones learn their charge rate against what their model does in the cold, so it counts once.
+        """
+        return self.charging_at_most(self.charge_rate_factor / cold_charging_factor(temperature_c))
 
     @property
     def consumption_factor(self) -> float:

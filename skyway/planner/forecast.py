@@ -40,6 +40,10 @@ _MORE_PER_DEGREE: Final = 0.01
 #: The farthest that a station may be outside of a grid, or from the nearest place, metres.
 FARTHEST_M: Final = 50_000.0
 
+#: A temperature at which flights need no more energy and charging takes no longer, degrees Celsius:
+#: it counts where no temperature is given.
+MILD_C: Final = 15.0
+
 #: How long before its first time a forecast can be in force, at most, seconds: 400 days.
 _LONG_BEFORE_S: Final = 400 * 86_400.0
 
@@ -110,6 +114,20 @@ class Forecast:
         last = error_mps[-1:] ** 2
         later = [np.sqrt(share**2 * last + (1 - share**2) * CLIMATE_MPS**2) for share in FADING]
         return replace(self.field(), error_mps=np.concatenate((error_mps, *later)))
+
+    def mean_temperature_c(self, at_s: float) -> float:
+        """The mean of all places at a moment, degrees Celsius; it fades to mild as the wind fades.
+
+        Before the first time it is mild.
+        """
+        periods = len(self.edges_s) - 1
+        late_s = at_s - float(self.edges_s[-1])
+        period = int(np.searchsorted(self.edges_s, at_s, side="right")) - 1
+        faded = int(late_s // FADING_S) if late_s >= 0 else None
+        if period < 0 or (faded is not None and faded >= len(FADING)):
+            return MILD_C
+        left = 1.0 if faded is None else FADING[faded]
+        return MILD_C + left * (float(self.temperature_c[min(period, periods - 1)].mean()) - MILD_C)
 
     @property
     def strongest_mps(self) -> float:

@@ -4,16 +4,20 @@ Each provider has one vote at a place, the median of its drones; the forecast ha
 median of all votes counts, so the drones of one provider change nothing alone.
 """
 
+import json
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from statistics import median
 from typing import Final
 
 import numpy as np
 
-from skyway.planner.forecast import Forecast
+from skyway.planner.forecast import MILD_C, Forecast
+from skyway.planner.known_air import MeasuredAir
 from skyway.planner.wind import nearest_places, weights_of
+from skyway.units import moment_to_ms
 
 #: How old, and how far from a place, a measurement may be that counts there; seconds and metres.
 RECENT_S: Final = 900.0
@@ -43,6 +47,53 @@ class Measurement:
     at_s: float
     east_mps: float
     north_mps: float
+    temperature_c: float = MILD_C
+
+
+def measurements_of(states: Iterable[tuple[str, str]]) -> Iterator[Measurement]:
+    """The air that drones in flight have measured; `states` are providers and JSON of DroneState.
+
+    The temperature is that of the battery, which decides how fast it charges.
+    """
+    for provider_id, text in states:
+        # Only some members are needed: reading states as models takes several times as long.
+        state = json.loads(text)
+        health = state.get("health") or {}
+        wind = health.get("wind")
+        if state["activity"] != "FLYING" or wind is None or state.get("position") is None:
+            continue
+        longitude_deg, latitude_deg = state["position"]
+        yield Measurement(
+            provider_id=provider_id,
+            longitude_deg=longitude_deg,
+            latitude_deg=latitude_deg,
+            at_s=moment_to_ms(datetime.fromisoformat(state["at"])) / 1000,
+            east_mps=wind["east_mps"],
+            north_mps=wind["north_mps"],
+            temperature_c=health.get("temperature_c", MILD_C),
+        )
+
+
+def air_of(measured: Iterable[Measurement], *, now_s: float) -> MeasuredAir | None:
+    """The air of a network without a forecast; None if no drone has measured it lately.
+
+    Each provider has one vote, the median of its drones, and the median of all votes counts.
+    """
+    by_provider: dict[str, list[Measurement]] = defaultdict(list)
+    for each in measured:
+        if abs(now_s - each.at_s) <= RECENT_S:
+            by_provider[each.provider_id].append(each)
+    if not by_provider:
+        return None
+
+    def voted(value: Callable[[Measurement], float]) -> float:
+        return median(median(map(value, own)) for own in by_provider.values())
+
+    return MeasuredAir(
+        east_mps=round(voted(lambda each: each.east_mps) / _STEP_MPS) * _STEP_MPS,
+        north_mps=round(voted(lambda each: each.north_mps) / _STEP_MPS) * _STEP_MPS,
+        temperature_c=round(voted(lambda each: each.temperature_c)),
+    )
 
 
 def corrections_of(

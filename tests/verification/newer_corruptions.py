@@ -115,6 +115,12 @@ _PROMISES: Final = (
 
 _DELIVERIES: Final = (
     Corruption(
+        "time on pads without a recharge in what was known of a mission",
+        "what was known when a mission was promised fits together",
+        gateway="UPDATE missions SET promised_on = '{\"recharging_share\": 0.5}'"
+        " WHERE mission_id = :completed_mission",
+    ),
+    Corruption(
         "a delivery requested an hour earlier",
         _BEGAN,
         gateway=f"UPDATE deliveries SET created_ms = created_ms - {_HOUR_MS}"

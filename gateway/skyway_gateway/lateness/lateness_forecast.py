@@ -1,13 +1,22 @@
 """How much later than planned a package may come, learned from the last packages."""
 
+import math
 from collections import defaultdict, deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
-from typing import Final
+from typing import Final, NamedTuple
 
-from skyway.contracts.margins import Margins
-from skyway.delivery.lateness import PackageArrival, late_share, later_by_s
+from skyway.contracts.mission import DeliveryMission
+from skyway.contracts.quote import OfferTerms
+from skyway.delivery.lateness import (
+    UNKNOWN,
+    Conditions,
+    ConditionsGroup,
+    PackageArrival,
+    late_share,
+    later_by_s,
+)
 from skyway.delivery.qos import QoS
 from skyway.ids import NetworkId, ProviderId
 from skyway.runtime.clock import FleetClock, fleet_margin
@@ -36,6 +45,13 @@ def _no_providers() -> _Providers:
     return defaultdict(_no_arrivals)
 
 
+class Covered(NamedTuple):
+    """A number of packages that had a P90, and how many of them came by then."""
+
+    packages: int
+    in_time: int
+
+
 @dataclass(slots=True)
 class LatenessForecast:
     """The last arrivals of each provider in each network; `step` reads new ones.
@@ -53,8 +69,6 @@ class LatenessForecast:
     _allowing: dict[NetworkId | None, _Providers] = field(
         default_factory=lambda: defaultdict(_no_providers)
     )
-    #: The answers of `late_share` since the last arrival in a network.
-    _shares: dict[NetworkId | None, dict[ProviderId, float | None]] = field(default_factory=dict)
     #: The packages of the last read, and the last moment in it.
     _seen: frozenset[tuple[str, str]] = frozenset()
     _last_ms: int = 0
@@ -63,31 +77,38 @@ class LatenessForecast:
         self,
         network_id: NetworkId | None,
         provider_id: ProviderId,
-        margins: Iterable[Margins] = (),
+        plans: Sequence[Conditions] = (UNKNOWN,),
     ) -> float | None:
         """The lateness that nine of ten packages do not exceed, as a share of the planned time.
 
-        It is learned from the provider's packages in this network. A provider with few packages
-        borrows from the other providers of the network. If too few packages have come, it is what
-        the `margins` of the plans say about their weather. None if it is not known.
+        It is learned from the provider's packages in this network, for the one of these plans whose
+        packages come latest. A provider with few packages borrows from the other providers of the
+        network. If too few packages have come, it is what the plans say about the wind. None if it
+        is not known.
         """
-        learned = self._learned_share(network_id, provider_id)
+        strict = _by_provider(self._arrivals.get(network_id, {}))
+        learned = _share_of(provider_id, strict, plans)
+        if learned is None:
+            every = _by_provider(self._allowing.get(network_id, {}))
+            for name, arrivals in strict.items():
+                every[name] = [*every.get(name, ()), *arrivals]
+            learned = _share_of(provider_id, every, plans)
         if learned is not None:
             return learned
-        return max((each.late_share for each in margins if each.late_share), default=None)
+        return max((each.late_share for each in plans if each.late_share), default=None)
 
-    def _learned_share(self, network_id: NetworkId | None, provider_id: ProviderId) -> float | None:
-        shares = self._shares.setdefault(network_id, {})
-        if provider_id not in shares:
-            strict = _by_provider(self._arrivals.get(network_id, {}))
-            share = _share_of(provider_id, strict)
-            if share is None:
-                every = _by_provider(self._allowing.get(network_id, {}))
-                for name, arrivals in strict.items():
-                    every[name] = [*every.get(name, ()), *arrivals]
-                share = _share_of(provider_id, every)
-            shares[provider_id] = share
-        return shares[provider_id]
+    def coverage(self, provider_id: ProviderId | None = None) -> dict[ConditionsGroup, Covered]:
+        """How the P90s of the last packages were kept, by what was known when they were promised.
+
+        Of one provider, or of all without an id.
+        """
+        found: dict[ConditionsGroup, list[bool]] = defaultdict(list)
+        for providers in self._arrivals.values():
+            for name, arrivals in providers.items():
+                for each in arrivals if provider_id in (None, name) else ():
+                    if each.was_covered is not None:
+                        found[each.known.group].append(each.was_covered)
+        return {group: Covered(len(each), sum(each)) for group, each in found.items()}
 
     async def step(self) -> bool:
         """Step of a loop: read the packages that have come since the last step. Always False."""
@@ -105,16 +126,37 @@ class LatenessForecast:
         for row in rows:
             arrivals = self._allowing if row.allows_more else self._arrivals
             arrivals[row.network_id][row.provider_id].append(_arrival(row))
-            self._shares.pop(row.network_id, None)
 
 
 def _by_provider(providers: _Providers) -> _Listed:
     return {name: [*each] for name, each in providers.items()}
 
 
-def _share_of(provider_id: ProviderId, arrivals: _Listed) -> float | None:
+def _share_of(
+    provider_id: ProviderId, arrivals: _Listed, plans: Iterable[Conditions]
+) -> float | None:
+    own = arrivals.get(provider_id, [])
     others = [each for name, each in arrivals.items() if name != provider_id]
-    return late_share(arrivals.get(provider_id, []), others)
+    shares = (late_share(known, own, others) for known in plans)
+    return max((each for each in shares if each is not None), default=None)
+
+
+def conditions_of(mission: DeliveryMission) -> Conditions:
+    """What is known about a mission when it is booked."""
+    margins = mission.margins
+    return Conditions.of_plan(mission.plan, margins.air, margins.late_share)
+
+
+def conditions_of_offer(terms: OfferTerms) -> Conditions:
+    """The same about the trips of an offer, each with an equal part of its recharges."""
+    margins, trips = terms.margins, max(1, terms.trips)
+    return Conditions.of(
+        margins.air,
+        margins.late_share,
+        planned_s=terms.delivery_time_s,
+        recharges=math.ceil(terms.recharges / trips),
+        recharging_s=terms.recharging_s / trips,
+    )
 
 
 def _key(row: AnyRow) -> tuple[str, str]:
@@ -128,6 +170,7 @@ def _arrival(row: AnyRow) -> PackageArrival:
         late_s=(row.delivered_ms - row.promised_ms) / 1000,
         # A package that the dispatcher may plan later says nothing about the promise.
         was_covered=None if p90_ms is None or row.allows_more else row.delivered_ms <= p90_ms,
+        known=UNKNOWN if row.promised_on is None else Conditions.read(row.promised_on),
     )
 
 

@@ -25,7 +25,7 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway_gateway.delivery_tables import deliveries, is_live_row, missions, packages
 
 #: The last packages of a provider in a network that count. Our own choice.
-MOST_OF_PROVIDER: Final = 300
+MOST_OF_PROVIDER: Final = 600
 
 #: Whether the customer of a package allows no later delivery than promised. The dispatcher may plan
 #: others later, which says nothing about how late a provider is. True or false, never null.
@@ -43,6 +43,7 @@ _LAST: Final = (
         packages.c.promised_p90_ms,
         packages.c.delivered_ms,
         missions.c.start_ms,
+        missions.c.promised_on,
         missions.c.provider_id,
         deliveries.c.network_id,
         not_(IS_DUE_AS_PROMISED).label("allows_more"),

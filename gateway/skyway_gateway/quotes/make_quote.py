@@ -28,7 +28,12 @@ from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.clients import Composition, Registry
-from skyway_gateway.lateness.lateness_forecast import LatenessForecast, due_of, p90_of
+from skyway_gateway.lateness.lateness_forecast import (
+    LatenessForecast,
+    conditions_of_offer,
+    due_of,
+    p90_of,
+)
 from skyway_gateway.places.customer_request import CustomerRequest
 from skyway_gateway.places.serve import PlaceServer
 from skyway_gateway.quotes import store
@@ -251,7 +256,8 @@ class QuoteMaker:
     ) -> Offer:
         """The offer with the arrival times that are promised."""
         network_id = self.networks.network_of(request.pickup.station_id)
-        share = self.forecast.late_share(network_id, terms.provider_id, [terms.margins])
+        plans = [conditions_of_offer(terms)]
+        share = self.forecast.late_share(network_id, terms.provider_id, plans)
         last_at = max(each.eta_at for each in terms.packages)
         start_at = last_at - timedelta(seconds=terms.delivery_time_s)
         ends = {each.package_id: each.destination.station_id for each in request.packages}

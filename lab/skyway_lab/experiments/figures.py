@@ -192,5 +192,9 @@ def _save(figure: Any, path: Path) -> None:  # matplotlib's Figure, imported lat
     from matplotlib import pyplot
 
     # No date and no version inside: the same results make the same file.
-    figure.savefig(path, dpi=110, metadata={"Software": None})
+    if path.suffix == ".svg":
+        with pyplot.rc_context({"svg.hashsalt": path.name, "svg.fonttype": "none"}):
+            figure.savefig(path, metadata={"Date": None, "Creator": None})
+    else:
+        figure.savefig(path, dpi=110, metadata={"Software": None})
     pyplot.close(figure)

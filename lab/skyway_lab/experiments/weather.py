@@ -5,7 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
-from skyway.delivery.lateness import PackageArrival, late_share, later_by_s
+from skyway.delivery.lateness import Conditions, PackageArrival, late_share, later_by_s
+from skyway.drone.learned_values import AS_MODELLED, model_as_learned
+from skyway.drone.model import DroneModel
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.planner.compose import compose
 from skyway.planner.problem import Problem
@@ -23,7 +25,13 @@ from skyway_lab.experiments.report import (
     write_rows,
 )
 from skyway_lab.experiments.sample import Estimate, Sample
-from skyway_lab.experiments.weather_day import DAYS, FlownDelivery, WeatherDay, fly_in_weather
+from skyway_lab.experiments.weather_day import (
+    DAYS,
+    FlownDelivery,
+    KindOfDay,
+    WeatherDay,
+    fly_in_weather,
+)
 
 #: What plans know of the weather, and the standard error of the wind in the forecast, m/s.
 _ERRORS_MPS: Final[Mapping[str, float | None]] = {
@@ -38,7 +46,7 @@ SETTING: Final = Setting(packages=1, model=DJI_MATRICE_300_RTK, recharge_policy=
 _ENERGY_MARGIN: Final = 0.15
 
 #: The last packages from which the P90 is learned, as in the gateway.
-_LAST: Final = 300
+_LAST: Final = 600
 
 #: A package that comes later than planned by more than this counts as late, seconds.
 _LATE_S: Final = 600.0
@@ -116,21 +124,21 @@ def run_weather_trial(trial: WeatherTrial) -> list[PromisedDelivery]:
         if not plan.delivery_time_s:
             continue
         delivery = fly_in_weather(problem, plan, day)
-        share = late_share(come[-_LAST:])
+        # All deliveries of a trial fly on one kind of day: their weather need not be known.
+        known = Conditions.of_plan(plan, None, None)
+        share = late_share(known, come[-_LAST:])
         p90_s = None if share is None else later_by_s(plan.delivery_time_s, share)
         one = _promised(number, plan.delivery_time_s, delivery, p90_s=p90_s)
         flown.append(one)
         was_covered = None if p90_s is None else one.came_by_p90
-        come.append(PackageArrival(one.planned_s, one.late_s, was_covered))
+        come.append(PackageArrival(one.planned_s, one.late_s, was_covered, known))
     return flown
 
 
 def _as_known(problem: Problem, day: WeatherDay, *, error_mps: float | None, seed: int) -> Problem:
     """The problem as a network plans it: with its energy margin, and its forecast if it has one."""
-    model = problem.drone.model
-    with_margin = model.model_copy(
-        update={"power_empty_w": model.power_empty_w * (1 + _ENERGY_MARGIN)}
-    )
+    kind = day.kind if error_mps is not None else None
+    with_margin = as_planned(problem.drone.model, kind)
     changes: dict[str, object] = {
         "strategy": EXACT,
         "drone": problem.drone.model_copy(update={"model": with_margin}),
@@ -141,6 +149,13 @@ def _as_known(problem: Problem, day: WeatherDay, *, error_mps: float | None, see
         wrong = east + random.gauss(0.0, error_mps), north + random.gauss(0.0, error_mps)
         changes["weather"] = day.kind.planned_weather(problem.network, with_margin, wrong)
     return problem.model_copy(update=changes)
+
+
+def as_planned(model: DroneModel, kind: KindOfDay | None) -> DroneModel:
+    """The drone as a network plans it: with its energy margin, and slow charging in known cold."""
+    learned = AS_MODELLED if kind is None else AS_MODELLED.in_cold(kind.temperature_c)
+    changes = {"power_empty_w": model.power_empty_w * (1 + _ENERGY_MARGIN)}
+    return model_as_learned(model, learned).model_copy(update=changes)
 
 
 def _promised(

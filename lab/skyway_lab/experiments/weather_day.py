@@ -9,7 +9,7 @@ from typing import Final, Self
 import numpy as np
 
 from skyway.delivery.plan import Fly, Plan, Recharge, Wait
-from skyway.drone.charging import model_on_pad, recharge_time_s
+from skyway.drone.charging import model_in_cold, model_on_pad, recharge_time_s
 from skyway.drone.flight import flight_power_w, flight_time_s
 from skyway.drone.model import ChargePoint, DroneModel
 from skyway.geo import bearing_rad
@@ -47,13 +47,12 @@ class KindOfDay:
     gust_span_s: float = 600.0
     temperature_c: float = 25.0
     capacity: float = 1.0
-    charge_time_factor: float = 1.0
     power_noise: float = 0.0
 
     def true_model(self, model: DroneModel) -> DroneModel:
         """The drone as it flies on such a day: its battery holds less, and charges slowly."""
-        slower = self.charge_time_factor * self.capacity
-        curve = tuple(ChargePoint(point.time_s * slower, point.soc) for point in model.charge_curve)
+        cold = model_in_cold(model, self.temperature_c).charge_curve
+        curve = tuple(ChargePoint(point.time_s * self.capacity, point.soc) for point in cold)
         changes = {"battery_j": model.battery_j * self.capacity, "charge_curve": curve}
         # A new model: `model_copy` would keep what was derived from the old curve.
         return DroneModel(**{**model.model_dump(), **changes})
@@ -90,7 +89,6 @@ DAYS: Final[Mapping[str, KindOfDay]] = {
         0.6,
         temperature_c=-8.0,
         capacity=0.88,
-        charge_time_factor=1.4,
         power_noise=0.03,
     ),
     "stormy": KindOfDay(8.0, 3.0, gust_span_m=2_500.0, gust_span_s=400.0, power_noise=0.06),

@@ -4,10 +4,7 @@ import asyncio
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from statistics import NormalDist
 from typing import Final, NamedTuple
-
-import numpy as np
 
 from skyway.contracts.weather import (
     ForecastDocument,
@@ -15,13 +12,12 @@ from skyway.contracts.weather import (
     WeatherInForce,
     WeatherNote,
 )
-from skyway.delivery.lateness import COVERED
 from skyway.delivery.plan import Fly
 from skyway.drone.learned_values import DEVIATION_BOUNDS, UNKNOWN_USE
 from skyway.drone.model import DroneModel
 from skyway.ids import NetworkId
 from skyway.network.network import Network
-from skyway.planner.energy_risk import FORECAST_ERROR_MPS, EnergyRisk
+from skyway.planner.energy_risk import EnergyRisk
 from skyway.planner.forecast import (
     FADING,
     FADING_S,
@@ -29,6 +25,7 @@ from skyway.planner.forecast import (
     planned_weather,
     weather_at_risk,
 )
+from skyway.planner.known_air import AirOfPlan, air_in_forecast
 from skyway.planner.measured_wind import corrected
 from skyway.planner.weather import Weather, segment_rows
 from skyway.planner.wind import SegmentWind
@@ -39,11 +36,6 @@ from skyway_composition.closures.read_forecast import (
     forecast_of,
     place_count,
 )
-
-#: Nine of ten errors are at most so many standard deviations.
-_COVERED_DEVIATIONS: Final = NormalDist().inv_cdf(COVERED)
-#: The largest share by which a flight counts as longer. Our own choice.
-_MOST_LATE: Final = 1.0
 
 #: The most time factors that are cached, of all drone models. With as many energy factors they take
 #: 384 MB.
@@ -237,25 +229,10 @@ class NetworkWeather:
             return risk.in_climate(model)
         return float(wind.in_error(model, risk.deviations)[0, 0])
 
-    def late_share(
-        self, model: DroneModel, flights: Sequence[Fly], *, start_ms: int
-    ) -> float | None:
-        """The lateness that the error of the forecast explains, as a share of the planned time.
-
-        If the error of the wind is normal, nine of ten flights are late by no more than this share.
-        Charging for them takes longer by the same share, because the energy of a flight is
-        proportional to its time. None if the forecast is over when the plan begins, or if the plan
-        has no flight.
-        """
-        if not flights or start_ms >= self.over_ms:
-            return None
-        segments = segment_rows(self.network, [(each.from_id, each.to_id) for each in flights])
-        at_s = start_ms / 1000 + np.array([each.start_s for each in flights])
-        wind = self._on_segments().of_flights(segments, at_s, least_error_mps=FORECAST_ERROR_MPS)
-        logarithms = wind.in_error(model, _COVERED_DEVIATIONS)[0]
-        longer = np.expm1(np.minimum(logarithms, math.log(1 + _MOST_LATE)))
-        lasting_s = np.array([each.end_s - each.start_s for each in flights])
-        return round(float(np.average(longer, weights=np.maximum(lasting_s, 1.0))), 4)
+    def air_of(self, model: DroneModel, flights: Sequence[Fly], *, start_ms: int) -> AirOfPlan:
+        """The air of a plan with these flights, which begins before the forecast is over."""
+        wind, start_s = self._on_segments(), start_ms / 1000
+        return air_in_forecast(self.forecast, wind, model, flights, start_s=start_s)
 
     def _on_segments(self) -> SegmentWind:
         if self._wind is None:

@@ -10,7 +10,7 @@ from skyway.contracts.weather import ForecastDocument, PlaceReport, WeatherGrid
 from skyway.errors import InvalidInput
 from skyway.geo import wrapped_deg
 from skyway.network.network import Network
-from skyway.planner.forecast import FADING, FARTHEST_M, Forecast
+from skyway.planner.forecast import FADING, FARTHEST_M, MILD_C, Forecast
 from skyway.planner.kernels.memory import Floats
 from skyway.units import moment_to_ms, ms_to_moment
 
@@ -23,10 +23,6 @@ _FARTHEST_AHEAD: Final = timedelta(days=60)
 
 #: How long the values of a single time hold, seconds.
 _ONE_HOUR_S: Final = 3_600.0
-
-#: Where no temperature is given: a temperature at which flights need no more energy, degrees
-#: Celsius.
-_MILD_C: Final = 15.0
 
 
 def content_of(document: ForecastDocument) -> tuple[bytes, str]:
@@ -127,7 +123,7 @@ def _of_grid(grid: WeatherGrid, edges: list[float]) -> Forecast:
         east_mps=east,
         north_mps=north,
         gust_mps=values(grid.gust_mps, 0),
-        temperature_c=values(grid.temperature_c, _MILD_C),
+        temperature_c=values(grid.temperature_c, MILD_C),
         error_mps=values(grid.error_mps, 0),
         grid=(rows, columns),
     )
@@ -169,7 +165,7 @@ def _of_reports(reports: tuple[PlaceReport, ...], edges: list[float]) -> Forecas
         east_mps=east,
         north_mps=north,
         gust_mps=values("gust_mps", 0),
-        temperature_c=values("temperature_c", _MILD_C),
+        temperature_c=values("temperature_c", MILD_C),
         error_mps=values("error_mps", 0),
     )
 

@@ -1,16 +1,14 @@
 """Corrects forecasts by the wind that drones on missions measure."""
 
 import asyncio
-import json
 import logging
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from typing import Final
 
 from skyway.contracts.weather import MeasuredWind
 from skyway.ids import NetworkId
-from skyway.planner.measured_wind import Measurement, corrections_of
+from skyway.planner.measured_wind import Measurement, corrections_of, measurements_of
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database
@@ -58,7 +56,7 @@ class MeasuredWinds:
             before = None if key is None or key[1] is None else MeasuredWind.read(key[1])
             if before is not None and now_ms < moment_to_ms(before.at) + _AT_MOST_EVERY_MS:
                 return
-            measured = [*_measurements(await states_on_missions(connection, network_id))]
+            measured = [*measurements_of(await states_on_missions(connection, network_id))]
             if not measured and (before is None or not before.places):
                 return
             row = await forecast_row(connection, network_id)
@@ -84,10 +82,8 @@ class MeasuredWinds:
 def _is_news(before: MeasuredWind | None, found: MeasuredWind, *, now_ms: int) -> bool:
     """Whether a correction differs from the stored one, or renews one that is old and has faded."""
     earlier = () if before is None else before.places
-    if earlier != found.places:
-        return True
     is_old = before is not None and moment_to_ms(before.at) + _SAME_FOR_MS <= now_ms
-    return bool(earlier) and is_old
+    return earlier != found.places or (bool(earlier) and is_old)
 
 
 def _correction(row: ForecastRow, measured: Sequence[Measurement], *, now_ms: int) -> MeasuredWind:
@@ -96,22 +92,3 @@ def _correction(row: ForecastRow, measured: Sequence[Measurement], *, now_ms: in
     found = corrections_of(forecast, measured, now_s=now_ms / 1000)
     places = tuple((place, east, north) for place, (east, north) in found.items())
     return MeasuredWind(at=ms_to_moment(now_ms), places=places)
-
-
-def _measurements(states: Iterable[tuple[str, str]]) -> Iterator[Measurement]:
-    """The wind that drones in flight have measured."""
-    for provider_id, text in states:
-        # Only four members are needed: reading states as models takes several times as long.
-        state = json.loads(text)
-        wind = (state.get("health") or {}).get("wind")
-        if state["activity"] != "FLYING" or wind is None or state.get("position") is None:
-            continue
-        longitude_deg, latitude_deg = state["position"]
-        yield Measurement(
-            provider_id=provider_id,
-            longitude_deg=longitude_deg,
-            latitude_deg=latitude_deg,
-            at_s=moment_to_ms(datetime.fromisoformat(state["at"])) / 1000,
-            east_mps=wind["east_mps"],
-            north_mps=wind["north_mps"],
-        )

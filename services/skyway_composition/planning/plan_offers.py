@@ -78,6 +78,7 @@ async def plan_in_calendars(
     The first is the best of all candidates and openings. A provider has a reason if it has no offer
     after all that is booked either.
     """
+    shortlist = shortlist.in_cold(finder.world.conditions.temperature_c(finder.start_ms))
     after_all, placed = replace(finder, openings=available.openings), available.placed(shortlist)
     offers = await plan_offers(
         after_all, request, shortlist=placed, busy=available.busy, limits=limits

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Final
 
 from skyway.contracts.flight_step import RechargeStep
-from skyway.drone.charging import fastest_w, recharge_time_s
+from skyway.drone.charging import fastest_w, model_in_cold, recharge_time_s
 from skyway.drone.model import DroneModel
 from skyway_drone_agent.vehicle import BatteryPack, Reading, StepRun
 
@@ -148,7 +148,7 @@ _SLOWEST, _FASTEST = 0.05, 10.0
 
 
 class ChargeRate:
-    """How fast the last recharge raised the charge, divided by the model's charge curve.
+    """How fast the last recharge raised the charge, divided by the model's charge curve in cold.
 
     `factor` is of the last recharge that was long enough, and None before one. Time beside an
     occupied pad does not count. Nor do recharges on a pad that gives less power than the model can
@@ -178,7 +178,9 @@ class ChargeRate:
         begun_at, begun_soc = self._begun
         seconds = (reading.at - begun_at).total_seconds()
         if seconds > 0.0 and soc - begun_soc >= _LEAST_GAIN:
-            factor = recharge_time_s(self._model, begun_soc, soc) / seconds
+            # Plans count the cold already: it is no property of the drone.
+            by_model = model_in_cold(self._model, reading.temperature_c)
+            factor = recharge_time_s(by_model, begun_soc, soc) / seconds
             self.factor = min(_FASTEST, max(_SLOWEST, factor))
 
     def _shows_charger(self, run: StepRun) -> bool:

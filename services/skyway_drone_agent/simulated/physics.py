@@ -12,7 +12,12 @@ from skyway.contracts.flight_step import (
     ReturnStep,
     WaitStep,
 )
-from skyway.drone.charging import model_on_pad, recharge_time_s, soc_after_recharge
+from skyway.drone.charging import (
+    cold_charging_factor,
+    model_on_pad,
+    recharge_time_s,
+    soc_after_recharge,
+)
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneId
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances, happens
@@ -68,6 +73,7 @@ class Physics:
         self.is_worn = happens(battery.worn_share, disturbances.seed, "worn", drone_id)
         #: The real capacity of the battery; a worn battery has less than the model says.
         self.battery_j = model.battery_j * (battery.capacity if self.is_worn else 1.0)
+        self._slower = disturbances.charge_time_factor * cold_charging_factor(battery.temperature_c)
         self._last: tuple[StepRun, SimulatedFlight] | None = None
 
     def outcome_of(self, run: StepRun) -> Outcome:
@@ -127,14 +133,14 @@ class Physics:
 
     def _charge_factor(self) -> float:
         """Charge time by the model's: a worn battery holds less and is full earlier."""
-        return self.disturbances.charge_time_factor * self.battery_j / self.model.battery_j
+        return self._slower * self.battery_j / self.model.battery_j
 
     def _model_on_pad(self, step: RechargeStep) -> DroneModel:
         """The model with the charge curve of this pad, before the charge factor."""
         if step.power_w is None:
             return self.model
         # The factor slows the drone's own charger. It does not slow the pad.
-        return model_on_pad(self.model, step.power_w * self.disturbances.charge_time_factor)
+        return model_on_pad(self.model, step.power_w * self._slower)
 
     def _charged(self, step: RechargeStep, soc: float, duration_s: float) -> float:
         on_curve = max(soc, self.model.charge_curve[0].soc)

@@ -13,6 +13,7 @@ from skyway_gateway.tables import events, quotes
 from sqlalchemy import ColumnElement, and_, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.delivery.lateness import Conditions
 from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.delivery.request import DeliveryRequest
 from skyway.units import moment_to_ms
@@ -98,6 +99,12 @@ def _differs(row: Any) -> bool:  # a row of missions
         or differs(row, {"price_amount": price["amount"], "currency": price["currency"]})
         or row.start_ms not in (None, ms_of(begun_at))
     )
+
+
+def _is_promised_oddly(row: Any) -> bool:  # a row of missions
+    """Whether its promise counts time on pads without a recharge."""
+    known = Conditions.read(row.promised_on)
+    return known.recharging_share > 0 and known.recharges == 0
 
 
 _later = events.alias("later")
@@ -272,6 +279,15 @@ MISSIONS: Final = (
         rows_where(select(missions), _differs, "mission_id"),
         "Composition has the same mission (GET /v1/missions/{id}): correct the value that differs. "
         "Earnings and statistics read the columns.",
+    ),
+    Rule(
+        "what was known when a mission was promised fits together",
+        rows_where(
+            select(missions).where(missions.c.promised_on.is_not(None)),
+            _is_promised_oddly,
+            "mission_id",
+        ),
+        "Set `promised_on` to null: then the mission counts less for the P90 of later packages.",
     ),
     Rule(
         "a mission that is over has its end",

@@ -41,6 +41,7 @@ from skyway.contracts.delivery_event import DeliveryEvent
 from skyway.contracts.mission import Mission, OfferLimits
 from skyway.contracts.statement_event import StatementClosed
 from skyway.contracts.station_check import NetworkStations
+from skyway.delivery.lateness import Conditions
 from skyway.delivery.request import DeliveryRequest
 from skyway.geo import Position
 from skyway.ids import is_live_id
@@ -88,6 +89,7 @@ _FORMS: Final = form_rule(
         proofs.c.signature: Signature.read,
         packages.c.position: _POSITION,
         missions.c.body: FlownMission.read,
+        missions.c.promised_on: Conditions.read,
         events.c.body: _EVENT,
         webhooks.c.event_types: TypeAdapter(tuple[str, ...]).validate_json,
         webhooks.c.url: TypeAdapter(AnyHttpUrl).validate_python,

@@ -7,6 +7,7 @@ import pytest
 from skyway_composition.networks.measure_wind import MeasuredWinds
 from sqlalchemy import text
 
+from skyway.delivery.lateness import KnownAir
 from tests.composition.drone_messages import DroneMessages
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
@@ -25,7 +26,9 @@ HEALTH = {
 }
 
 
-async def fly(composition: Any, make: Any, *, number: int, east_mps: float) -> None:
+async def fly(
+    composition: Any, make: Any, *, number: int, east_mps: float, temperature_c: float = 20.0
+) -> None:
     """A drone of a provider of its own takes off, and measures this wind."""
     drone = DroneMessages(composition, f"drn_{number}", f"prv_{number}")
     candidate = make.candidate(number, provider_id=drone.provider_id)
@@ -40,7 +43,8 @@ async def fly(composition: Any, make: Any, *, number: int, east_mps: float) -> N
         "released_through": 2,
         "station_id": None,
         "package_ids": ("p1",),
-        "health": HEALTH | {"wind": {"east_mps": east_mps, "north_mps": 0.0}},
+        "health": HEALTH
+        | {"wind": {"east_mps": east_mps, "north_mps": 0.0}, "temperature_c": temperature_c},
     }
     await composition.receive(drone.state(**values))
 
@@ -101,3 +105,25 @@ async def test_a_correction_ends_when_drones_measure_no_such_wind_any_more(
     async with composition.db.read() as connection:
         found = await connection.execute(text("SELECT measured FROM forecasts"))
     assert '"places":[]' in found.scalar_one()
+
+
+async def test_without_a_forecast_measured_air_makes_promises_later_and_charging_slower(
+    composition: Any, make: Any
+) -> None:
+    unknown = await composition.book(make.candidate(3), delivery_id="dlv_3")
+    await fly(composition, make, number=1, east_mps=-6.2, temperature_c=-8.0)
+    composition.clock.advance(timedelta(minutes=2))
+
+    known = await composition.book(make.candidate(2), delivery_id="dlv_2")
+
+    before, after = (each.missions[0] for each in (unknown, known))
+    assert (before.margins.air, before.margins.late_share) == (None, None)
+    air = KnownAir(source="MEASURED", wind_mps=6.0, temperature_c=-8.0)
+    assert after.margins.air == air
+    assert after.margins.late_share > 0.2
+    # Its flights are planned in still air.
+    assert {each.time_factor for each in after.plan.steps if each.kind == "FLY"} == {1.0}
+    assert after.home_recharge.end_s - after.home_recharge.start_s == pytest.approx(
+        (before.home_recharge.end_s - before.home_recharge.start_s) / 0.7, rel=0.01
+    )
+    assert await composition.broken() == []

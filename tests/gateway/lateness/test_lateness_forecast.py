@@ -12,7 +12,14 @@ from skyway_gateway.lateness.store import MOST_OF_PROVIDER, KeptPromises, delive
 from sqlalchemy import insert, select, update
 
 from skyway.contracts.margins import Margins
-from skyway.delivery.lateness import FEWEST, PackageArrival, late_share
+from skyway.delivery.lateness import (
+    FEWEST,
+    UNKNOWN,
+    Conditions,
+    KnownAir,
+    PackageArrival,
+    late_share,
+)
 from skyway.ids import NetworkId, ProviderId, StationId
 from skyway.units import moment_to_ms
 from tests.gateway.whole_gateway import Gateway, make_request
@@ -241,7 +248,7 @@ async def test_packages_that_may_come_later_say_nothing_about_kept_promises(
 
     await forecast.step()
 
-    expected = late_share([PackageArrival(600.0, each, None) for each in late])
+    expected = late_share(UNKNOWN, [PackageArrival(600.0, each, None) for each in late])
     assert forecast.late_share(network_id, mission["provider_id"]) == expected
 
 
@@ -264,10 +271,11 @@ async def test_packages_that_may_come_later_take_no_places_of_others(gateway: Ga
 async def test_the_weather_of_the_plan_gives_a_p90_until_one_is_learned(gateway: Gateway) -> None:
     forecast = gateway.parts.forecast
     network_id = gateway.parts.networks.cached.network_of(StationId("san-marcos"))
-    calm, windy = Margins(), Margins(late_share=0.25)
+    windy = Margins(late_share=0.25)
     provider_id = ProviderId("prv_new")
 
-    before = [forecast.late_share(network_id, provider_id, each) for each in ([calm], [windy])]
+    plans = Conditions(), Conditions(late_share=0.25)
+    before = [forecast.late_share(network_id, provider_id, [each]) for each in plans]
     gateway.composition.margins = windy
     [package] = (await gateway.get(await gateway.planned()))["packages"]
     await teach(gateway)
@@ -276,8 +284,7 @@ async def test_the_weather_of_the_plan_gives_a_p90_until_one_is_learned(gateway:
     margin = moment(package, "promised_p90_at") - moment(package, "promised_at")
     assert margin.total_seconds() > 60
     assert package["due_at"] == package["promised_p90_at"]
-    learned = forecast.late_share(network_id, provider_id)
-    assert learned == forecast.late_share(network_id, provider_id, [windy]) != 0.25
+    assert forecast.late_share(network_id, provider_id, [plans[1]]) != 0.25
 
 
 async def deliver_at(gateway: Gateway, delivery_id: str, at: datetime) -> None:
@@ -357,6 +364,29 @@ async def test_kept_promises_are_shown_by_network_and_provider(gateway_on_both: 
     assert customer.status_code == 403
     assert gauges["skyway_promised_packages", "day"] == 4
     assert gauges["skyway_promised_packages_in_time", "week"] == 4
+
+
+async def test_the_last_packages_are_shown_by_what_was_known_of_them(gateway: Gateway) -> None:
+    air = KnownAir(source="FORECAST", wind_mps=8.0, temperature_c=15.0)
+    gateway.composition.margins = Margins(late_share=0.25, air=air)
+    await teach(gateway)
+    for late_min in (1, 90):
+        await deliver(gateway, late=timedelta(minutes=late_min))
+    await gateway.parts.forecast.step()
+
+    answer = await gateway.http.get("/v1/stats/promises", headers=gateway.operator)
+    gauges = {each.name: each for each in await GatewayGauges(gateway.parts)._groups()}
+
+    [group] = answer.json()["groups"]
+    assert (group["known_by"], group["weather"]) == ("FORECAST", "STORMY")
+    labels = gauges["skyway_p90_packages"].labels
+    assert labels == {
+        "known_by": "FORECAST",
+        "weather": "STORMY",
+        "recharges": f"{group['recharges']}",
+    }
+    in_time = gauges["skyway_p90_packages_in_time"].value
+    assert group["p90_share"] == in_time / group["packages"] < 1.0
 
 
 def make_kept(network: str, provider: str, packages: int, in_time: int) -> KeptPromises:

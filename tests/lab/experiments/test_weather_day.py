@@ -70,7 +70,6 @@ def test_a_kind_of_day_has_the_values_of_the_scenario_with_its_name(name: str) -
         gust_span_s=scenario.wind.gust_span_s,
         temperature_c=scenario.battery.temperature_c,
         capacity=scenario.battery.capacity,
-        charge_time_factor=scenario.charge_time_factor,
         power_noise=scenario.power_noise,
     )
 

@@ -3,7 +3,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skyway.drone.charging import (
+    cold_charging_factor,
     fastest_s_per_soc,
+    model_in_cold,
     model_on_pad,
     recharge_time_s,
     soc_after_recharge,
@@ -92,3 +94,13 @@ def test_a_pad_slows_each_piece_of_the_curve_that_needs_more_power(power_w: floa
 def test_a_pad_with_power_enough_leaves_the_model_as_it_is():
     assert model_on_pad(KINKED, None) is KINKED
     assert model_on_pad(KINKED, KINKED.battery_j) is KINKED
+
+
+def test_charging_in_the_cold_takes_longer() -> None:
+    frost = model_in_cold(DJI_MATRICE_300_RTK, -8.0)
+
+    mild_s, cold_s = (recharge_time_s(model, 0.2, 0.7) for model in (DJI_MATRICE_300_RTK, frost))
+    assert cold_s == pytest.approx(mild_s / 0.712)
+    assert model_in_cold(DJI_MATRICE_300_RTK, 10.0) is DJI_MATRICE_300_RTK
+    assert model_in_cold(DJI_MATRICE_300_RTK, None) is DJI_MATRICE_300_RTK
+    assert cold_charging_factor(-80.0) == 4.0

@@ -59,3 +59,11 @@ def test_a_report_is_compared_with_what_was_learned_already() -> None:
 
     assert worn.beyond(1.25) == pytest.approx(1.0)
     assert worn.beyond(1.5) == pytest.approx(1.2)
+
+
+def test_the_cold_slows_a_drone_that_charges_slowly_already() -> None:
+    slow = LearnedValues(charge_rate_factor=0.9)
+
+    assert AS_MODELLED.in_cold(-8.0).charge_rate_factor == 0.7
+    assert slow.in_cold(-8.0).charge_rate_factor == 0.65
+    assert slow.in_cold(15.0) is slow

@@ -14,11 +14,55 @@ const isOff = (share) => share !== null && (share < LEAST || share > MOST);
 const shareText = ({p90_share: share, packages}) =>
   share === null ? "" : `${(share * 100).toFixed(1)} % of ${packages}`;
 
+const WEATHER_WORDS = {CALM: "calm", WINDY: "windy", STORMY: "stormy", COLD: "cold"};
+const KNOWN_WORDS = {FORECAST: "by the forecast", MEASURED: "by drones in flight"};
+const RECHARGES = [0, 1, 2, 3];
+
+const groupTitle = ({weather, known_by: knownBy}) =>
+  weather === null ? "not known" : `${WEATHER_WORDS[weather]}, ${KNOWN_WORDS[knownBy]}`;
+
+const rechargesText = (number) =>
+  number === 3 ? "3 or more recharges" : `${number} recharge${number === 1 ? "" : "s"}`;
+
+// The share of some groups together.
+const together = (groups) => {
+  const packages = groups.reduce((sum, each) => sum + each.packages, 0);
+  const inTime = groups.reduce((sum, each) => sum + each.packages * each.p90_share, 0);
+  return {packages, p90_share: packages === 0 ? null : inTime / packages};
+};
+
+function Cell({label, groups}) {
+  const share = together(groups);
+  return html`<td data-label=${label}>${shareText(share)}</td>`;
+}
+
+// The last packages by what was known when they were promised.
+function Groups({groups}) {
+  const titles = [...new Set(groups.map(groupTitle))];
+  return html`
+    <div class="table"><table class="as-cards" aria-label="By weather and recharges">
+      <thead><tr><th>Weather</th><th>All</th>
+        ${RECHARGES.map((each) => html`<th key=${each}>${rechargesText(each)}</th>`)}</tr></thead>
+      <tbody>
+        ${titles.map((title) => {
+          const own = groups.filter((each) => groupTitle(each) === title);
+          return html`
+            <tr key=${title}>
+              <td class="title">${title}</td>
+              <${Cell} label="All" groups=${own} />
+              ${RECHARGES.map((each) => html`<${Cell} key=${each} label=${rechargesText(each)}
+                groups=${own.filter(({recharges}) => recharges === each)} />`)}
+            </tr>`;
+        })}
+      </tbody>
+    </table></div>`;
+}
+
 // Of one provider, or of all networks and providers without an id.
 export function Promises({providerId = null}) {
   const {answer} = usePolledPath("/v1/stats/promises", ASK_EVERY_MS);
   if (answer === null) return null;
-  const {items} = answer;
+  const {items, groups} = answer;
   const shown = providerId === null ? items : items.filter((each) => each.provider_id === providerId);
   return html`
     <h2>Packages by their P90</h2>
@@ -34,5 +78,6 @@ export function Promises({providerId = null}) {
               <td data-label="Last week" class=${isOff(week.p90_share) ? "late" : ""}>${shareText(week)}</td>
             </tr>`)}
         </tbody>
-      </table></div>`}`;
+      </table></div>`}
+    ${groups.length > 0 && html`<${Groups} groups=${groups} />`}`;
 }

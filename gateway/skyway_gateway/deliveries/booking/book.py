@@ -57,7 +57,7 @@ from skyway_gateway.deliveries.lifecycle.progress import Progress, changed
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.delivery_rows import Outdated, QueuedDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
-from skyway_gateway.lateness.lateness_forecast import LatenessForecast
+from skyway_gateway.lateness.lateness_forecast import LatenessForecast, conditions_of
 from skyway_gateway.livemode import ByMode
 from skyway_gateway.proofs.upload_links import UploadLinks
 
@@ -244,8 +244,8 @@ class Booker:
         offer = stored.delivery.offer
         share = None if offer is None else offer.late_share
         if share is None:
-            margins = [each.margins for each in missions]
-            share = self.forecast.late_share(queued.network_id, missions[0].provider_id, margins)
+            plans = [conditions_of(each) for each in missions]
+            share = self.forecast.late_share(queued.network_id, missions[0].provider_id, plans)
         at, save_plan = self.clock.now(), self.writer.save_plan
         write = partial(save_plan, missions=missions, late_share=share, at=at, mint=self.mint)
         try:

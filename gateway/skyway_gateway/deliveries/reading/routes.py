@@ -30,6 +30,7 @@ from skyway_gateway.deliveries.reading.statistics import (
     DeliveryQuery,
     DeliveryStatistics,
     PromiseStatistics,
+    groups_of,
     promises_of,
     statistics,
 )
@@ -46,7 +47,7 @@ from skyway_gateway.deliveries.reading.views import (
     proof_of,
 )
 from skyway_gateway.deliveries.records import delivery_store
-from skyway_gateway.lateness.lateness_forecast import host_delay_ms
+from skyway_gateway.lateness.lateness_forecast import LatenessForecast, host_delay_ms
 from skyway_gateway.lateness.store import kept_promises
 from skyway_gateway.notifications.delivery_events import EventStream
 from skyway_gateway.personal_data import store as personal_data
@@ -221,7 +222,9 @@ def earnings_routes(context: Context, *, reporting: FairQueue) -> ServiceRouter:
     return router
 
 
-def statistics_routes(context: Context, *, reporting: FairQueue) -> ServiceRouter:
+def statistics_routes(
+    context: Context, *, reporting: FairQueue, forecast: LatenessForecast
+) -> ServiceRouter:
     """GET /v1/stats/deliveries and /v1/stats/promises."""
     router = ServiceRouter(tags=("statistics",))
 
@@ -263,8 +266,11 @@ def statistics_routes(context: Context, *, reporting: FairQueue) -> ServiceRoute
             rows = await kept_promises(
                 connection, now_ms=moment_to_ms(now), host_delay_ms=host_delay_ms(context.clock)
             )
+        provider_id = _provider(caller, None)
         return PromiseStatistics(
-            at=now, items=promises_of(rows, provider_id=_provider(caller, None))
+            at=now,
+            items=promises_of(rows, provider_id=provider_id),
+            groups=groups_of(forecast.coverage(provider_id)),
         )
 
     return router

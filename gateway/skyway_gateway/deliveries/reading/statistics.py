@@ -13,10 +13,12 @@ from pydantic import Field
 
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.statistics import Span, SpanQuery
+from skyway.delivery.lateness import ConditionsGroup, KnownBy, Weather
 from skyway.errors import InvalidInput
 from skyway.ids import NetworkId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.units import hours_to_s, ms_to_moment
+from skyway_gateway.lateness.lateness_forecast import Covered
 from skyway_gateway.lateness.store import KeptPromises, PromiseSpan
 
 Bucket = Literal["hour", "day"]
@@ -286,6 +288,25 @@ class PromisesOfProvider(JsonModel):
     week: Annotated[PromisesOfSpan, Field(description="Delivered in the last week of fleet time.")]
 
 
+class PromisesOfGroup(PromisesOfSpan):
+    """The last packages that were promised under like conditions."""
+
+    known_by: Annotated[
+        KnownBy | None,
+        Field(description="By what the weather was known; null if it was not known."),
+    ]
+    weather: Annotated[
+        Weather | None,
+        Field(
+            description="COLD below 5 °C, else CALM below 2 m/s of wind, STORMY from 6 m/s on; "
+            "null if it was not known."
+        ),
+    ]
+    recharges: Annotated[
+        int, Field(description="How many recharges the plan had; 3 stands for more too.")
+    ]
+
+
 class PromiseStatistics(JsonModel):
     """How promises at P90 were kept; each network before its providers."""
 
@@ -297,6 +318,21 @@ class PromiseStatistics(JsonModel):
             "networks. A provider sees only itself."
         ),
     ]
+    groups: Annotated[
+        tuple[PromisesOfGroup, ...],
+        Field(
+            description="The last packages, at most 600 of each provider in each network, by what "
+            "was known of their plans. A provider sees only its own."
+        ),
+    ]
+
+
+def groups_of(coverage: Mapping[ConditionsGroup, Covered]) -> tuple[PromisesOfGroup, ...]:
+    """The coverage of each group, as it is shown."""
+    return tuple(
+        PromisesOfGroup(**group._asdict(), packages=packages, p90_share=in_time / packages)
+        for group, (packages, in_time) in sorted(coverage.items(), key=str)
+    )
 
 
 def promises_of(

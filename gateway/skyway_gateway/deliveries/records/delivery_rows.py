@@ -31,6 +31,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     ProofWait,
 )
 from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission, Refusal
+from skyway_gateway.lateness.lateness_forecast import conditions_of
 from skyway_gateway.notifications.event_store import NumberedEvent, hash_after
 
 #: How many are cached. A busy gateway accepts as many in some seconds; most are dispatched by then.
@@ -328,6 +329,7 @@ def mission_row(mission: FlownMission) -> Values:
         "report_seq": 0,
         "currency": mission.price.currency,
         "start_ms": moment_to_ms(mission.start_at),
+        "promised_on": conditions_of(mission).model_dump_json(exclude_none=True),
         **_mission_values(mission),
     }
 
