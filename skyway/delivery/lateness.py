@@ -148,7 +148,7 @@ class Conditions(JsonModel):
         return ConditionsGroup(self.air.source, self.air.weather, recharges)
 
 
-#: Nothing is known: packages that were promised before conditions were noted.
+#: Nothing is known about the plan of a package.
 UNKNOWN: Final = Conditions()
 
 
