@@ -10,6 +10,7 @@ from typing import Final
 from numpy.random import Generator
 
 from skyway.dispatch.planned_trip import Pool
+from skyway.planner.kernels.memory import Longs
 
 #: Trips in the order in which they are planned: the number of each drone, and its requests.
 Order = tuple[tuple[int, Pool], ...]
@@ -21,6 +22,11 @@ _MOST_EARLIER: Final = 12
 
 #: The share of further moves, after which the change ends. Our own choice.
 _ONE_MORE: Final = 0.6
+
+#: Seconds by which a lead changes, about, and the share of changes that begin at no lead. Our own
+#: choice.
+_LEAD_S: Final = 1_800.0
+_NO_LEAD: Final = 0.5
 
 #: The share of requests that join another trip if one may share it.
 _JOINS: Final = 0.5
@@ -55,6 +61,16 @@ class OrderMoves:
                 (self._reassign, self._exchange, self._regroup)[draws.integers(3)](trips)
             if draws.random() >= _ONE_MORE:
                 return tuple(trips)
+
+    def other_leads(self, leads_ms: Longs) -> Longs:
+        """Return these leads of the requests after a random change of one lead or more."""
+        draws, found_ms = self._draws, leads_ms.copy()
+        while True:
+            number = draws.integers(found_ms.size)
+            before_ms = 0 if draws.random() < _NO_LEAD else found_ms[number]
+            found_ms[number] = before_ms + int(1000 * _LEAD_S * draws.standard_normal())
+            if draws.random() >= _ONE_MORE:
+                return found_ms
 
     def _plan_earlier_or_later(self, trips: list[tuple[int, Pool]]) -> None:
         """Move a trip among the trips of other drones: each drone flies its trips as before."""

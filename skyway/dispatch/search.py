@@ -3,7 +3,8 @@
 Each round changes the best order so far by simulated annealing over the estimates of trips. The
 first heat differs from round to round. Then the exact planner plans all trips of the new order
 around each other's pads. The search keeps the new schedule if it costs less. After some rounds in
-vain each round ends with random moves that the exact planner judges one by one.
+vain each round ends with random changes that the exact planner judges one by one. If the fleet is
+small, each round also takes some steps of a branch and bound, and the search ends with its proof.
 """
 
 import math
@@ -11,6 +12,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
+import numpy as np
+from numpy.random import Generator
+
+from skyway.dispatch.best_order import BestOrder
 from skyway.dispatch.objective import Limits
 from skyway.dispatch.order_moves import OrderMoves
 from skyway.dispatch.planned_trip import Pool
@@ -34,20 +39,30 @@ _HEATS: Final = (0.2, 0.05, 0.5, 0.1, 0.02)
 #: The last heat of each round, as a share of its first heat.
 _COLD: Final = 0.01
 
-#: With at most so many requests, and after so many rounds in vain for each of them, each round also
-#: has so many moves that the exact planner judges. They go on from a schedule that costs at most
-#: this share more than the best one, and begin at the best one again after so many moves in vain.
-#: Our own choice: with more requests, annealing finds more in the same time.
-_MOST_MOVED: Final = 20
+#: After so many rounds in vain for each request, and never fewer than the second number, each round
+#: ends with changes that the exact planner judges. With at most so many requests, these are moves;
+#: with more, leads, because annealing finds better sequences in the same time. Our own choice.
 _ROUNDS_IN_VAIN: Final = 0.25
+_MOST_IN_VAIN: Final = 3
+_MOST_MOVED: Final = 20
 _MOVES: Final = 40
+_LEADS: Final = 12
+
+#: Moves go on from a schedule that costs at most this share more than the best one. They begin at
+#: the best one again after so many moves in vain. Our own choice.
 _WORSE: Final = 0.005
 _MOVES_IN_VAIN: Final = 60
+
+#: Nodes of the branch and bound in each round. Our own choice: together about as long as the moves.
+_NODES: Final = 50
 
 
 @dataclass(slots=True)
 class OrderSearch:
-    """A search that can end after any round; `best` is the best schedule that keeps the limits."""
+    """A search that can end after any round; `best` is the best schedule that keeps the limits.
+
+    `tree` is the branch and bound of a small fleet.
+    """
 
     scheduler: Scheduler
     board: Board
@@ -56,8 +71,15 @@ class OrderSearch:
     best: Schedule
     chance: Longs
     moves: OrderMoves
+    draws: Generator
+    tree: BestOrder | None
     most_steps: int = MOST_STEPS
     rounds: int = 0
+    #: Whether no order of the trips costs less than the best schedule.
+    is_proven: bool = False
+    #: How much sooner than by the rule of `Scheduler.planned` each request's trip is planned,
+    #: ``(requests,)``, milliseconds.
+    leads_ms: Longs = field(init=False)
     #: The schedule from which the moves go on.
     walked: Schedule = field(init=False)
     #: How many rounds, and how many moves, in a row found nothing better.
@@ -66,31 +88,40 @@ class OrderSearch:
 
     def __post_init__(self) -> None:
         self.walked = self.best
+        self.leads_ms = np.zeros(len(self.scheduler.problem.requests), np.int64)
 
     def run(self, is_over: Callable[[int], bool]) -> None:
-        """Search until `is_over` returns True for the number of rounds so far."""
+        """Search until `is_over` returns True for the number of rounds so far, or to the proof."""
         requests = len(self.scheduler.problem.requests)
         if requests == 0:
             return
         steps, heat = _FIRST_STEPS * requests, _FIRST_HEAT
-        while not is_over(self.rounds):
+        while not self.is_proven and not is_over(self.rounds):
             before_s = self.best.costs.total_s
             self._round(min(steps, self.most_steps), heat)
             is_better = self.best.costs.total_s < before_s
             self.rounds_in_vain = 0 if is_better else self.rounds_in_vain + 1
-            if requests <= _MOST_MOVED and self.rounds_in_vain >= _ROUNDS_IN_VAIN * requests:
-                for _ in range(_MOVES):
-                    self._move()
+            if self.rounds_in_vain >= min(_MOST_IN_VAIN, _ROUNDS_IN_VAIN * requests):
+                change, times = (
+                    (self._move, _MOVES) if requests <= _MOST_MOVED else (self._lead, _LEADS)
+                )
+                for _ in range(times):
+                    change()
+            if self.tree is not None:
+                self.best = self.tree.explore(_NODES, self.best)
+                self.is_proven = self.tree.is_done
             steps, heat = _STEPS * requests, _HEATS[self.rounds % len(_HEATS)]
             self.rounds += 1
 
     def _round(self, steps: int, heat: float) -> None:
         """Change the best order by annealing, and plan it exactly."""
         problem = self.scheduler.problem
+        if self.rounds > 0:
+            self.board.vary(self.draws)
         rows = self.board.rows(self.best.sequences(len(problem.drones)))
         mean_s = max(1.0, abs(rows.cost.sum()) / len(problem.requests))
         anneal(self.board.fleet, rows, self.chance, steps, heat * mean_s, heat * _COLD * mean_s)
-        found = self.scheduler.planned(self.board.sequences(rows))
+        found = self.scheduler.planned(self.board.sequences(rows), leads_ms=self.leads_ms)
         self.look_at(found)
         self.board.harden(self._too_late(found))
 
@@ -106,6 +137,14 @@ class OrderSearch:
             self.walked, self.moves_in_vain = self.best, 0
         elif found.costs.total_s <= allowed_s and self.limits.are_kept(found.costs):
             self.walked = found
+
+    def _lead(self) -> None:
+        """Plan the trips of the best schedule in another order, if that costs no more."""
+        leads_ms = self.moves.other_leads(self.leads_ms)
+        sequences = self.best.sequences(len(self.scheduler.problem.drones))
+        found = self.scheduler.planned(sequences, leads_ms=leads_ms, like=self.best)
+        if found.costs.total_s <= self.best.costs.total_s and self.limits.are_kept(found.costs):
+            self.best, self.leads_ms = found, leads_ms
 
     def _too_late(self, found: Schedule) -> Iterator[Pool]:
         """The shared trips that break promises."""
