@@ -88,10 +88,11 @@ def _least(
 
 
 @cache
-def parts_of(whole: int) -> tuple[Longs, Longs, Longs]:
-    """All sets in `whole`, and for each of them all parts of it and where its parts begin."""
+def parts_of(whole: int) -> tuple[Longs, Longs, Longs, Longs]:
+    """All sets in `whole`; for each of them all parts of it, the rests, and where they begin."""
     sets: list[int] = []
     parts: list[int] = []
+    rests: list[int] = []
     first: list[int] = []
     each = 0
     while True:
@@ -100,26 +101,25 @@ def parts_of(whole: int) -> tuple[Longs, Longs, Longs]:
         part = each
         while True:
             parts.append(part)
+            rests.append(each ^ part)
             if part == 0:
                 break
             part = (part - 1) & each
         if each == whole:
-            return np.array(sets), np.array(parts), np.array(first)
+            return np.array(sets), np.array(parts), np.array(rests), np.array(first)
         each = (each - whole) & whole
 
 
 def shared_out(one: Floats, other: Floats, whole: int) -> Floats:
     """The least cost of each set in `whole` if two share it out, ``(sets,)``; else inf."""
-    sets, parts, first = parts_of(whole)
-    counts = np.diff(np.append(first, len(parts)))
-    rest = np.repeat(sets, counts) ^ parts
+    sets, parts, rests, first = parts_of(whole)
     found = np.full(len(one), np.inf)
-    found[sets] = np.minimum.reduceat(one[parts] + other[rest], first)
+    found[sets] = np.minimum.reduceat(one[parts] + other[rests], first)
     return found
 
 
 def least_shared_out(one: Floats, other: Floats, whole: int) -> float:
     """The least cost of this set if two share it out."""
-    _, parts, first = parts_of(whole)
+    _, parts, _, first = parts_of(whole)
     own = parts[first[-1] :]
     return float((one[own] + other[whole ^ own]).min())

@@ -43,7 +43,7 @@ _COLD: Final = 0.01
 #: ends with changes that the exact planner judges. With at most so many requests, these are moves;
 #: with more, leads, because annealing finds better sequences in the same time. Our own choice.
 _ROUNDS_IN_VAIN: Final = 0.25
-_MOST_IN_VAIN: Final = 3
+_SHARE_IN_VAIN: Final = 0.5
 _MOST_MOVED: Final = 20
 _MOVES: Final = 40
 _LEADS: Final = 12
@@ -101,7 +101,7 @@ class OrderSearch:
             self._round(min(steps, self.most_steps), heat)
             is_better = self.best.costs.total_s < before_s
             self.rounds_in_vain = 0 if is_better else self.rounds_in_vain + 1
-            if self.rounds_in_vain >= min(_MOST_IN_VAIN, _ROUNDS_IN_VAIN * requests):
+            if self.rounds_in_vain >= max(_ROUNDS_IN_VAIN * requests, _SHARE_IN_VAIN * self.rounds):
                 change, times = (
                     (self._move, _MOVES) if requests <= _MOST_MOVED else (self._lead, _LEADS)
                 )
