@@ -25,7 +25,7 @@ _NEVER_LATE = 1e4
 _NEVER_UNFAIR = 1e6
 
 #: About the share by which estimates vary. Our own choice.
-_VARIED: Final = 0.05
+_VARIED: Final = 0.02
 
 
 class Board:

@@ -24,7 +24,8 @@ from skyway.dispatch.schedule import Schedule, Scheduler
 from skyway.planner.kernels.fleet_order import anneal
 from skyway.planner.kernels.memory import Longs
 
-#: Steps of the first round for each request, and the most steps of any round. Our own choice.
+#: Steps of the first round for each request, and the most steps of any round. Our own choice. The
+#: first round of a small fleet is as short as the others.
 _FIRST_STEPS: Final = 4_000
 MOST_STEPS: Final = 400_000
 
@@ -39,14 +40,15 @@ _HEATS: Final = (0.2, 0.05, 0.5, 0.1, 0.02)
 #: The last heat of each round, as a share of its first heat.
 _COLD: Final = 0.01
 
-#: After so many rounds in vain for each request, and never fewer than the second number, each round
-#: ends with changes that the exact planner judges. With at most so many requests, these are moves;
-#: with more, leads, because annealing finds better sequences in the same time. Our own choice.
+#: After so many rounds in vain for each request, each round ends with so many changes that the exact
+#: planner judges. With at most so many requests, these are moves. With more requests, annealing
+#: finds better sequences in the same time, so these are leads, after so large a share of all rounds
+#: in vain. Our own choice.
 _ROUNDS_IN_VAIN: Final = 0.25
-_SHARE_IN_VAIN: Final = 0.5
 _MOST_MOVED: Final = 20
 _MOVES: Final = 40
 _LEADS: Final = 12
+_SHARE_IN_VAIN: Final = 0.5
 
 #: Moves go on from a schedule that costs at most this share more than the best one. They begin at
 #: the best one again after so many moves in vain. Our own choice.
@@ -95,21 +97,17 @@ class OrderSearch:
         requests = len(self.scheduler.problem.requests)
         if requests == 0:
             return
-        steps, heat = _FIRST_STEPS * requests, _FIRST_HEAT
+        steps = (_FIRST_STEPS if self.tree is None else _STEPS) * requests
+        heat = _FIRST_HEAT
         while not self.is_proven and not is_over(self.rounds):
             before_s = self.best.costs.total_s
             self._round(min(steps, self.most_steps), heat)
             is_better = self.best.costs.total_s < before_s
             self.rounds_in_vain = 0 if is_better else self.rounds_in_vain + 1
-            if self.rounds_in_vain >= max(_ROUNDS_IN_VAIN * requests, _SHARE_IN_VAIN * self.rounds):
-                change, times = (
-                    (self._move, _MOVES) if requests <= _MOST_MOVED else (self._lead, _LEADS)
-                )
-                for _ in range(times):
-                    change()
+            self._change_exactly()
             if self.tree is not None:
                 self.best = self.tree.explore(_NODES, self.best)
-                self.is_proven = self.tree.is_done
+                self.is_proven = self.tree.is_done and self.scheduler.planner.is_exact
             steps, heat = _STEPS * requests, _HEATS[self.rounds % len(_HEATS)]
             self.rounds += 1
 
@@ -125,6 +123,18 @@ class OrderSearch:
         self.look_at(found)
         self.board.harden(self._too_late(found))
 
+    def _change_exactly(self) -> None:
+        """Try changes that the exact planner judges, if annealing has found nothing for long."""
+        requests = len(self.scheduler.problem.requests)
+        if self.rounds_in_vain < _ROUNDS_IN_VAIN * requests:
+            return
+        if requests <= _MOST_MOVED:
+            for _ in range(_MOVES):
+                self._move()
+        elif self.rounds_in_vain >= _SHARE_IN_VAIN * self.rounds:
+            for _ in range(_LEADS):
+                self._lead()
+
     def _move(self) -> None:
         """Change the order of the walked schedule, and plan it exactly."""
         found = self.scheduler.in_order(self.moves.changed(self.walked.order), like=self.walked)
@@ -139,7 +149,7 @@ class OrderSearch:
             self.walked = found
 
     def _lead(self) -> None:
-        """Plan the trips of the best schedule in another order, if that costs no more."""
+        """Plan the trips of the best schedule in another order; keep it if it costs no more."""
         leads_ms = self.moves.other_leads(self.leads_ms)
         sequences = self.best.sequences(len(self.scheduler.problem.drones))
         found = self.scheduler.planned(sequences, leads_ms=leads_ms, like=self.best)

@@ -4,7 +4,7 @@ import pytest
 from skyway_lab.benchmarks.dispatch.small import all_schedules, small_fleet
 
 from skyway.dispatch.best_order import BestOrder
-from skyway.dispatch.optimise import begun, optimise
+from skyway.dispatch.optimise import begun, optimise, proven_s
 from skyway.dispatch.problem import FleetProblem
 from tests.library.dispatch.fleets import MODEL, with_pickups, without_promises
 from tests.library.dispatch.fleets import small_fleet as city_fleet
@@ -19,6 +19,16 @@ def proven_and_best_s(problem: FleetProblem) -> tuple[float, float]:
         found = tree.explore(100, found)
     best_s = min((each.costs.total_s for each in all_schedules(search)), default=0.0)
     return found.costs.total_s, best_s
+
+
+@pytest.mark.parametrize("seed", range(60, 80))
+def test_the_lower_bound_of_a_fleet_with_few_pads_is_below_every_order(seed: int) -> None:
+    search = begun(small_fleet(seed, requests=3))
+    best_s = min(each.costs.total_s for each in all_schedules(search))
+
+    search.run(lambda rounds: rounds >= 3)
+
+    assert 0 < proven_s(search) <= best_s + 0.1
 
 
 @pytest.mark.parametrize("seed", range(20, 32))
@@ -70,3 +80,9 @@ def test_no_order_is_proven_if_a_load_makes_a_drone_faster() -> None:
     plan = optimise(problem.model_copy(update={"drones": drones}), rounds=5)
 
     assert not plan.is_best_order
+
+
+def test_no_order_is_proven_if_the_labels_of_a_trip_are_used_up() -> None:
+    problem = small_fleet(1).model_copy(update={"label_limit": 10})
+
+    assert not optimise(problem, rounds=5).is_best_order
