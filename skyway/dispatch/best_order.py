@@ -93,15 +93,11 @@ class BestOrder:
         own_s = np.maximum(self._rows.of(*calendar.kind_and_slot(0)), alone_s[0])
         return least_shared_out(own_s, others_s[0], left)
 
-    def explore(self, nodes: int, best: Schedule) -> Schedule:
-        """Look at so many nodes; the best schedule that was found, or the one that is given."""
-        for _ in range(nodes):
-            while self._open and self._open[-1].bound_s > best.costs.total_s - _EQUAL_S:
-                self._open.pop()
-            if not self._open:
-                break
-            best = self._branch(self._open.pop(), best)
-        return best
+    def step(self, best: Schedule) -> Schedule:
+        """Look at one node; the best schedule that was found, or the one that is given."""
+        while self._open and self._open[-1].bound_s > best.costs.total_s - _EQUAL_S:
+            self._open.pop()
+        return self._branch(self._open.pop(), best) if self._open else best
 
     def _branch(self, node: _Node, best: Schedule) -> Schedule:
         """Open the branches of a node. If there are none, its order is complete."""

@@ -19,7 +19,7 @@ from skyway.dispatch.plan import FleetPlan
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.rows import Board
 from skyway.dispatch.schedule import Scheduler
-from skyway.dispatch.search import MOST_STEPS, OrderSearch
+from skyway.dispatch.search import MOST_MOVED, MOST_STEPS, OrderSearch
 from skyway.errors import SkywayError
 from skyway.planner.kernels.memory import Longs
 from skyway.planner.stop import processor_stopwatch
@@ -30,6 +30,11 @@ DEFAULT_BUDGET_S = 10.0
 #: One round of annealing makes at most so many steps for each second of the budget. They use about
 #: half of the budget.
 _STEPS_PER_S = 150_000
+
+#: With many requests, rounds take this share of the budget; without a budget there are so many
+#: changes of leads for each round. Our own choice.
+_ANNEALED = 0.8
+_LEADS = 3
 
 #: The seeds of several searches of one problem are so far apart. Our own choice: a caller that uses
 #: one seed after another gets other random numbers in each search.
@@ -110,11 +115,18 @@ def searched(
     def is_over(made: int) -> bool:
         return elapsed_s() >= budget_s if rounds is None else made >= rounds
 
+    def is_annealed(made: int) -> bool:
+        return elapsed_s() >= _ANNEALED * budget_s if rounds is None else made >= rounds
+
     if rounds is None:
         most_steps = min(most_steps, max(1, int(budget_s * _STEPS_PER_S)))
     search = begun(problem, seed=seed)
     search.most_steps = most_steps
-    search.run(is_over)
+    if len(problem.requests) <= MOST_MOVED:
+        search.run(is_over)
+    else:
+        search.run(is_annealed)
+        search.lead(lambda made: is_over(made // _LEADS))
     return search
 
 
@@ -135,12 +147,11 @@ def begun(problem: FleetProblem, *, seed: int = 0) -> OrderSearch:
     )
     board.limit(limits)
     scheduler.planner.latest_s = limits.latest_s
-    draws = np.random.default_rng(seed)
     moves = OrderMoves(
         len(problem.requests),
         len(problem.drones),
         allows=scheduler.planner.sharing.allows,
-        draws=draws,
+        draws=np.random.default_rng(seed),
     )
     search = OrderSearch(
         scheduler,
@@ -150,7 +161,6 @@ def begun(problem: FleetProblem, *, seed: int = 0) -> OrderSearch:
         baseline,
         _chance(seed),
         moves,
-        draws,
         BestOrder(scheduler, limits) if is_small(problem) else None,
     )
     for each in (arrival, current):

@@ -16,7 +16,7 @@ def proven_and_best_s(problem: FleetProblem) -> tuple[float, float]:
     tree = BestOrder(search.scheduler, search.limits)
     found = search.best
     while not tree.is_done:
-        found = tree.explore(100, found)
+        found = tree.step(found)
     best_s = min((each.costs.total_s for each in all_schedules(search)), default=0.0)
     return found.costs.total_s, best_s
 
