@@ -31,9 +31,11 @@ DEFAULT_BUDGET_S = 10.0
 #: half of the budget.
 _STEPS_PER_S = 150_000
 
-#: With many requests, rounds take this share of the budget; without a budget there are so many
-#: changes of leads for each round. Our own choice.
-_ANNEALED = 0.8
+#: With many requests, rounds take this share of the budget: with shared trips, annealing goes on to
+#: find better orders for longer. Without a budget there are so many changes of leads for each round.
+#: Our own choice.
+_ANNEALED = 0.6
+_ANNEALED_SHARED = 0.9
 _LEADS = 3
 
 #: The seeds of several searches of one problem are so far apart. Our own choice: a caller that uses
@@ -115,9 +117,6 @@ def searched(
     def is_over(made: int) -> bool:
         return elapsed_s() >= budget_s if rounds is None else made >= rounds
 
-    def is_annealed(made: int) -> bool:
-        return elapsed_s() >= _ANNEALED * budget_s if rounds is None else made >= rounds
-
     if rounds is None:
         most_steps = min(most_steps, max(1, int(budget_s * _STEPS_PER_S)))
     search = begun(problem, seed=seed)
@@ -125,7 +124,9 @@ def searched(
     if len(problem.requests) <= MOST_MOVED:
         search.run(is_over)
     else:
-        search.run(is_annealed)
+        is_shared = len(search.board.pools) > len(problem.requests)
+        annealed_s = budget_s * (_ANNEALED_SHARED if is_shared else _ANNEALED)
+        search.run(lambda made: elapsed_s() >= annealed_s if rounds is None else made >= rounds)
         search.lead(lambda made: is_over(made // _LEADS))
     return search
 

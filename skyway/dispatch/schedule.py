@@ -49,7 +49,7 @@ class Schedule:
 class Calendar:
     """The trips planned so far: where each drone is free, and which pads are held.
 
-    `add_next` takes over trips of `like` as long as all trips are added in its order.
+    `add_next` takes over the next trip of `like` if the trips before it are the same, in any order.
     """
 
     def __init__(
@@ -66,7 +66,9 @@ class Calendar:
         self._pads = planner.given.copy()
         self._new_pads: list[HeldPad] = []
         self.trips: list[DroneTrip] = []
-        self._like = iter(() if like is None else like.trips)
+        self._like = () if like is None else like.trips
+        #: The trips that only one of the two has among its first trips.
+        self._other: set[DroneTrip | None] = set()
 
     def plan(self, pool: Pool, drone: int) -> PlannedTrip | None:
         """The trip of this drone after its trips so far, not added yet; None if it has no plan."""
@@ -78,14 +80,16 @@ class Calendar:
 
     def add_next(self, pool: Pool, drone: int) -> PlannedTrip | None:
         """Add the next trip of this drone, which serves these requests; None if it has no plan."""
-        like = next(self._like, None)
-        if like is not None and (like.drone, like.trip.pool) == (drone, pool):
-            trip: PlannedTrip | None = like.trip
-        else:
-            self._like = iter(())
-            trip = self.plan(pool, drone)
+        number = len(self.trips)
+        like = self._like[number] if number < len(self._like) else None
+        if like is not None and not self._other and (like.drone, like.trip.pool) == (drone, pool):
+            self.add(like.trip, drone)
+            return like.trip
+        trip = self.plan(pool, drone)
         if trip is not None:
             self.add(trip, drone)
+            if like != self.trips[-1]:
+                self._other ^= {like, self.trips[-1]}
         return trip
 
     def add_where_first(self, pool: Pool) -> NotPlanned | None:
