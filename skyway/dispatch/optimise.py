@@ -19,7 +19,7 @@ from skyway.dispatch.plan import FleetPlan
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.rows import Board
 from skyway.dispatch.schedule import Scheduler
-from skyway.dispatch.search import MOST_MOVED, MOST_STEPS, OrderSearch
+from skyway.dispatch.search import MOST_STEPS, OrderSearch
 from skyway.errors import SkywayError
 from skyway.planner.kernels.memory import Longs
 from skyway.planner.stop import processor_stopwatch
@@ -30,13 +30,6 @@ DEFAULT_BUDGET_S = 10.0
 #: One round of annealing makes at most so many steps for each second of the budget. They use about
 #: half of the budget.
 _STEPS_PER_S = 150_000
-
-#: With many requests, rounds take this share of the budget: with shared trips, annealing goes on to
-#: find better orders for longer. Without a budget there are so many changes of leads for each round.
-#: Our own choice.
-_ANNEALED = 0.6
-_ANNEALED_SHARED = 0.9
-_LEADS = 3
 
 #: The seeds of several searches of one problem are so far apart. Our own choice: a caller that uses
 #: one seed after another gets other random numbers in each search.
@@ -121,13 +114,7 @@ def searched(
         most_steps = min(most_steps, max(1, int(budget_s * _STEPS_PER_S)))
     search = begun(problem, seed=seed)
     search.most_steps = most_steps
-    if len(problem.requests) <= MOST_MOVED:
-        search.run(is_over)
-    else:
-        is_shared = len(search.board.pools) > len(problem.requests)
-        annealed_s = budget_s * (_ANNEALED_SHARED if is_shared else _ANNEALED)
-        search.run(lambda made: elapsed_s() >= annealed_s if rounds is None else made >= rounds)
-        search.lead(lambda made: is_over(made // _LEADS))
+    search.run(is_over)
     return search
 
 
