@@ -90,24 +90,12 @@ def _least(
 @cache
 def parts_of(whole: int) -> tuple[Longs, Longs, Longs, Longs]:
     """All sets in `whole`; for each of them all parts of it, the rests, and where they begin."""
-    sets: list[int] = []
-    parts: list[int] = []
-    rests: list[int] = []
-    first: list[int] = []
-    each = 0
-    while True:
-        sets.append(each)
-        first.append(len(parts))
-        part = each
-        while True:
-            parts.append(part)
-            rests.append(each ^ part)
-            if part == 0:
-                break
-            part = (part - 1) & each
-        if each == whole:
-            return np.array(sets), np.array(parts), np.array(rests), np.array(first)
-        each = (each - whole) & whole
+    sets = [each for each in range(whole + 1) if not each & ~whole]
+    by_set = [[part for part in sets if not part & ~each] for each in sets]
+    counts = [len(each) for each in by_set]
+    parts = np.concatenate([np.array(each, np.int64) for each in by_set])
+    first = np.cumsum([0, *counts[:-1]])
+    return np.array(sets), parts, np.repeat(sets, counts) ^ parts, first
 
 
 def shared_out(one: Floats, other: Floats, whole: int) -> Floats:
