@@ -6,7 +6,7 @@ trips cost, and what each other request costs at least (Land and Doig 1960).
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
@@ -48,9 +48,6 @@ class _Node:
     before: _Next
 
 
-_ROOT: Final = _Node((), 0.0, 0.0, {})
-
-
 def is_small(problem: FleetProblem) -> bool:
     """Whether the best order of this fleet may be proven.
 
@@ -79,19 +76,12 @@ class BestOrder:
             if scheduler.planner.sharing.allows(pool)
         ]
         self._rows = RowBounds(scheduler.problem, scheduler.estimates, self._pools)
-        self._open = [_ROOT]
+        self._open = [_Node((), 0.0, 0.0, {})]
 
     @property
     def is_done(self) -> bool:
         """Whether no order is left that may cost less."""
         return not self._open
-
-    def least_s(self) -> float:
-        """No plan costs less than this, also if its trips are later than they could be."""
-        calendar = self._calendar(())
-        left, alone_s, others_s = self._left(calendar, dict(self._following(calendar, _ROOT)))
-        own_s = np.maximum(self._rows.of(*calendar.kind_and_slot(0)), alone_s[0])
-        return least_shared_out(own_s, others_s[0], left)
 
     def step(self, best: Schedule) -> Schedule:
         """Look at one node; the best schedule that was found, or the one that is given."""
@@ -101,7 +91,9 @@ class BestOrder:
 
     def _branch(self, node: _Node, best: Schedule) -> Schedule:
         """Open the branches of a node. If there are none, its order is complete."""
-        calendar = self._calendar(node.trips)
+        calendar = Calendar(self._scheduler.planner, self._scheduler.estimates)
+        for drone, each in node.trips:
+            calendar.add(each, drone)
         following = dict(self._following(calendar, node))
         if not any(following.values()):
             found = self._scheduler.in_order(tuple((drone, one.pool) for drone, one in node.trips))
@@ -121,12 +113,6 @@ class BestOrder:
                 branches.append(_Node((*node.trips, added), cost_s, bound_s, following))
         self._open += sorted(branches, key=lambda each: -each.bound_s)
         return best
-
-    def _calendar(self, trips: Iterable[DroneTrip]) -> Calendar:
-        calendar = Calendar(self._scheduler.planner, self._scheduler.estimates)
-        for drone, trip in trips:
-            calendar.add(trip, drone)
-        return calendar
 
     def _following(
         self, calendar: Calendar, node: _Node

@@ -194,7 +194,7 @@ class FleetPlanRejected(SkywayError):
 def proven_s(search: OrderSearch) -> float:
     """A lower bound of the objective of every plan of the search's problem."""
     scheduler = search.scheduler
-    bound_s = lower_bound_s(
+    return lower_bound_s(
         scheduler.problem,
         scheduler.estimates,
         kinds=scheduler.planner.model_of,
@@ -202,10 +202,6 @@ def proven_s(search: OrderSearch) -> float:
         upper=search.best.costs,
         is_over=lambda steps: steps >= _BOUND_STEPS,
     )
-    if search.tree is None:
-        return bound_s
-    least_s = search.tree.least_s()
-    return max(bound_s, least_s) if scheduler.planner.is_exact else bound_s
 
 
 def _chance(seed: int) -> Longs:
