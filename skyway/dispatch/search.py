@@ -55,8 +55,9 @@ _SHARE_IN_VAIN: Final = 0.5
 _WORSE: Final = 0.005
 _MOVES_IN_VAIN: Final = 60
 
-#: Nodes of the branch and bound in each round. Our own choice: together about as long as the moves.
-_NODES: Final = 50
+#: Nodes of the branch and bound in each round. Our own choice: with more, the moves of fleets that
+#: cannot be proven within the budget find less.
+_NODES: Final = 10
 
 
 @dataclass(slots=True)
