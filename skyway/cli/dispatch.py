@@ -88,6 +88,8 @@ def plan_text(plan: "FleetPlan") -> Iterator[str]:
     """The plan in lines for people: what it costs, then the trips of each drone."""
     yield _costs_text("plan", plan.costs)
     yield _costs_text("arrival order", plan.arrival_order)
+    if plan.is_best_order:
+        yield "proven: no other order in which the trips are planned costs less"
     if plan.lower_bound_s is not None:
         yield f"proven: no plan has an objective below {plan.lower_bound_s:.0f} s"
         yield f"        at most {plan.gap:.0%} of the objective can be saved"

@@ -71,7 +71,7 @@ def lower_bound_s(
     """
     if not problem.requests or problem.prices.delivery <= 0 or not upper.delivered_s:
         return 0.0
-    if not _has_slow_loads(problem):
+    if not problem.has_slow_loads:
         return 0.0
     starts = starts_of(problem, estimates, kinds)
     alone_s = _alone_s(problem, estimates, kinds)
@@ -203,8 +203,3 @@ def _alone_s(problem: FleetProblem, estimates: Estimates, kinds: Sequence[int]) 
         waited_s = problem.prices.delivery * (first_s - request.known_s)
         total_s += request.weight * min(waited_s, problem.prices.unserved_s - request.known_s)
     return total_s
-
-
-def _has_slow_loads(problem: FleetProblem) -> bool:
-    """Whether no model flies faster with a load."""
-    return all(each.model.speed_full_mps <= each.model.speed_empty_mps for each in problem.drones)

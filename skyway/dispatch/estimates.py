@@ -146,11 +146,6 @@ class Estimates:
         model = self.models[kind]
         return (soc - model.reserve_soc) * model.battery_j * self.s_per_j[kind]
 
-    def least_s(self, kind: int, pool: Pool, *, station_id: StationId, soc: float) -> float:
-        """The least seconds of a trip that begins at this station with this charge."""
-        start = Slot(station_id, 0, soc)
-        return min(self.least_s_from(each, kind, pool, start=start) for each in self.pickups(pool))
-
     def least_s_from(self, source: StationId, kind: int, pool: Pool, *, start: Slot) -> float:
         """The least seconds of a trip that is loaded at this pickup."""
         trip = self.trip_from(source, kind, pool)

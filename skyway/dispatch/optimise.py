@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skyway.dispatch.best_order import BestOrder, is_small
 from skyway.dispatch.bound import lower_bound_s
 from skyway.dispatch.check import violations
 from skyway.dispatch.objective import Limits
@@ -86,6 +87,7 @@ def optimise(
         search.best,
         arrival=search.arrival,
         rounds=search.rounds,
+        is_best_order=search.is_proven,
         lower_bound_s=bound_s,
     )
     faults = violations(problem, plan)
@@ -139,7 +141,16 @@ def begun(problem: FleetProblem, *, seed: int = 0) -> OrderSearch:
         allows=scheduler.planner.sharing.allows,
         draws=np.random.default_rng(seed),
     )
-    search = OrderSearch(scheduler, board, limits, arrival, baseline, _chance(seed), moves)
+    search = OrderSearch(
+        scheduler,
+        board,
+        limits,
+        arrival,
+        baseline,
+        _chance(seed),
+        moves,
+        BestOrder(scheduler, limits) if is_small(problem) else None,
+    )
     for each in (arrival, current):
         search.look_at(each)
     return search
@@ -155,19 +166,20 @@ class _Task:
     seed: int
 
 
-def _found(task: _Task) -> tuple[Order, int]:
-    """The order of the best schedule that this search finds, and its number of rounds."""
+def _found(task: _Task) -> tuple[Order, int, bool]:
+    """The order of the best schedule that a search finds, its rounds, and whether it is proven."""
     search = searched(task.problem, budget_s=task.budget_s, rounds=task.rounds, seed=task.seed)
-    return search.best.order, search.rounds
+    return search.best.order, search.rounds, search.is_proven
 
 
 def _best_of(tasks: Sequence[_Task], executor: Executor | None) -> OrderSearch:
     """A search whose best schedule is the best one that these searches find."""
     found = map(_found, tasks) if executor is None else executor.map(_found, tasks)
     best = begun(tasks[0].problem, seed=tasks[0].seed)
-    for order, rounds in found:
+    for order, rounds, is_proven in found:
         best.look_at(best.scheduler.in_order(order))
         best.rounds += rounds
+        best.is_proven |= is_proven
     return best
 
 

@@ -69,13 +69,15 @@ class FleetPlan(JsonModel):
 
     `lower_bound_s`: no plan of the problem has a lower objective. `gap` is the difference between
     the objective and this bound, as a share of the objective, 0 to 1. Both are null if no bound was
-    requested.
+    requested. `is_best_order`: it is proven that no order in which the trips are planned, each as
+    early as it can be, has a lower objective.
     """
 
     costs: FleetCosts
     arrival_order: FleetCosts
     lower_bound_s: float | None = None
     gap: float | None = None
+    is_best_order: bool = False
     trips: tuple[FleetTrip, ...]
     unserved: tuple[UnservedRequest, ...]
     method: Literal["arrival order", "search"]
@@ -89,6 +91,7 @@ class FleetPlan(JsonModel):
         *,
         arrival: Schedule,
         rounds: int,
+        is_best_order: bool,
         lower_bound_s: float | None = None,
     ) -> "FleetPlan":
         """The plan of this schedule, whose trips were planned and are not held any more."""
@@ -102,6 +105,7 @@ class FleetPlan(JsonModel):
             arrival_order=FleetCosts.of(problem, arrival.costs),
             lower_bound_s=lower_bound_s,
             gap=gap,
+            is_best_order=is_best_order,
             trips=_trips(problem, schedule),
             unserved=tuple(
                 UnservedRequest(

@@ -191,6 +191,12 @@ class FleetProblem(JsonModel):
         Field(gt=0, le=10**9, description="The most labels of the search for one trip."),
     ] = 100_000
 
+    @property
+    def has_slow_loads(self) -> bool:
+        """Whether no model flies faster with a load."""
+        models = (each.model for each in self.drones)
+        return all(each.speed_full_mps <= each.speed_empty_mps for each in models)
+
     @model_validator(mode="after")
     def _fields_agree(self) -> Self:
         faults = tuple(islice(self._disagreements(), MAX_FAULTS))

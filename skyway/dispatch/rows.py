@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Final
 
 import numpy as np
+from numpy.random import Generator
 
 from skyway.dispatch.estimates import Estimates
 from skyway.dispatch.objective import J_PER_KWH, Limits
@@ -22,6 +24,9 @@ _NEVER_LATE = 1e4
 #: The price of each request that a provider has to fly for fairness and does not fly, seconds.
 _NEVER_UNFAIR = 1e6
 
+#: About the share by which estimates vary. Our own choice.
+_VARIED: Final = 0.02
+
 
 class Board:
     """The pools of a problem by number, and sequences as rows of these numbers."""
@@ -39,6 +44,7 @@ class Board:
         self.has_all_pools = shared.is_complete
         self.number_of = {pool: number for number, pool in enumerate(self.pools)}
         self.fleet = _fleet(problem, estimates, kinds, self.pools)
+        self._flight = self.fleet.flight
         self._estimates = estimates
         self._providers = [*dict.fromkeys(each.provider_id for each in problem.drones)]
         self._drones = len(problem.drones)
@@ -69,6 +75,19 @@ class Board:
         for each in pools:
             number = self.number_of[each]
             self.fleet.soonest[:, number] = _by_least_need(self.fleet, number)
+
+    @property
+    def has_shared(self) -> bool:
+        """Whether requests may share trips."""
+        return len(self.pools) > self._most - 1
+
+    def vary(self, draws: Generator) -> None:
+        """Let each trip take a little more or less time than estimated, by chance.
+
+        Then annealing ends at another order, though it begins at the same one.
+        """
+        by = np.exp(_VARIED * draws.standard_normal((1, len(self.pools), 1)))
+        self.fleet = self.fleet._replace(flight=self._flight * by)
 
     def rows(self, sequences: Sequences) -> Rows:
         """The rows of these sequences, priced."""

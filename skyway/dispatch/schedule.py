@@ -16,6 +16,8 @@ from skyway.dispatch.planned_trip import DroneTrip, NotPlanned, PlannedTrip, Poo
 from skyway.dispatch.pools import planned_trips
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.trips import TripPlanner
+from skyway.ids import StationId
+from skyway.planner.kernels.memory import Longs
 from skyway.planner.pad_book import booked_until_ms
 from skyway.scheduling.stays import Slot
 
@@ -45,10 +47,13 @@ class Schedule:
 
 
 class Calendar:
-    """The trips planned so far: where each drone is free, and which pads are held."""
+    """The trips planned so far: where each drone is free, and which pads are held.
+
+    `add_next` takes over the next trip of `like` if the trips before it are the same, in any order.
+    """
 
     def __init__(
-        self, planner: TripPlanner, estimates: Estimates, trips: Iterable[DroneTrip] = ()
+        self, planner: TripPlanner, estimates: Estimates, like: Schedule | None = None
     ) -> None:
         problem = planner.problem
         self._estimates = estimates
@@ -61,12 +66,31 @@ class Calendar:
         self._pads = planner.given.copy()
         self._new_pads: list[HeldPad] = []
         self.trips: list[DroneTrip] = []
-        for drone, trip in trips:
-            self.add(trip, drone)
+        self._like = () if like is None else like.trips
+        #: The trips that only one of the two has among its first trips.
+        self._other: set[DroneTrip | None] = set()
 
     def plan(self, pool: Pool, drone: int) -> PlannedTrip | None:
         """The trip of this drone after its trips so far, not added yet; None if it has no plan."""
         return self._planner.plan(pool, drone, self.slots[drone], self._pads, self._new_pads)
+
+    def has_room(self, trip: PlannedTrip | None) -> bool:
+        """Whether the pads of this trip are free; True if there is no trip."""
+        return trip is None or self._pads.fitted(trip.pads) == trip.pads
+
+    def add_next(self, pool: Pool, drone: int) -> PlannedTrip | None:
+        """Add the next trip of this drone, which serves these requests; None if it has no plan."""
+        number = len(self.trips)
+        like = self._like[number] if number < len(self._like) else None
+        if like is not None and not self._other and (like.drone, like.trip.pool) == (drone, pool):
+            self.add(like.trip, drone)
+            return like.trip
+        trip = self.plan(pool, drone)
+        if trip is not None:
+            self.add(trip, drone)
+            if like != self.trips[-1]:
+                self._other ^= {like, self.trips[-1]}
+        return trip
 
     def add_where_first(self, pool: Pool) -> NotPlanned | None:
         """Add the trip of the drone that delivers earliest; the reason if no drone has a trip.
@@ -76,7 +100,7 @@ class Calendar:
         """
         best: tuple[tuple[int, float, int], PlannedTrip] | None = None
         for least_ms, drone in sorted(
-            (self._least_end_ms(pool, drone), drone) for drone in range(len(self.slots))
+            (self._soonest_ms(pool, drone), drone) for drone in range(len(self.slots))
         ):
             if best is not None and least_ms > best[0][0]:
                 break
@@ -91,17 +115,28 @@ class Calendar:
         self.add(best[1], best[0][2])
         return None
 
-    def _least_end_ms(self, pool: Pool, drone: int) -> float:
+    def _soonest_ms(self, pool: Pool, drone: int) -> float:
         """The moment before which no trip of this drone ends."""
+        return min(self.least_end_ms(pool, drone, each) for each in self._estimates.pickups(pool))
+
+    def least_end_ms(self, pool: Pool, drone: int, pickup: StationId) -> float:
+        """The moment before which no trip of this drone ends that is loaded at this pickup."""
         kind, slot = self._planner.model_of[drone], self.slots[drone]
-        return slot.at_ms + 1000 * self._estimates.least_s(
-            kind, pool, station_id=slot.station_id, soc=slot.soc
-        )
+        return slot.at_ms + 1000 * self._estimates.least_s_from(pickup, kind, pool, start=slot)
+
+    def kind_and_slot(self, drone: int) -> tuple[int, Slot]:
+        """The number of this drone's model, and where the drone is free."""
+        return self._planner.model_of[drone], self.slots[drone]
+
+    def after(self, added: DroneTrip) -> tuple[int, Slot]:
+        """The number of the drone's model, and where the drone is free after this trip."""
+        end = added.trip.end
+        slot = Slot(end.station_id, end.at_ms + self._hand_over_ms, end.soc)
+        return self._planner.model_of[added.drone], slot
 
     def add(self, trip: PlannedTrip, drone: int) -> None:
         """Add a trip that was planned by `plan`."""
-        end = trip.end
-        self.slots[drone] = Slot(end.station_id, end.at_ms + self._hand_over_ms, end.soc)
+        _, self.slots[drone] = self.after(DroneTrip(drone, trip))
         self._pads.hold(trip.pads)
         self._new_pads += trip.pads
         self.trips.append(DroneTrip(drone, trip))
@@ -133,28 +168,44 @@ class Scheduler:
             return math.inf
         return calendar.trips[0].trip.end.at_ms / 1000
 
-    def planned(self, sequences: Sequences) -> Schedule:
+    def planned(
+        self,
+        sequences: Sequences,
+        *,
+        leads_ms: Longs | None = None,
+        like: Schedule | None = None,
+    ) -> Schedule:
         """The schedule of these sequences; the drone that is free first is planned next.
 
         Requests that are missing, or that have no plan at their place in the sequence, are added
-        at the end as in the arrival order.
+        at the end as in the arrival order. The first trips of `like` are taken over as far as they
+        are planned in the same order.
+
+        Parameters
+        ----------
+        leads_ms
+            ``(requests,)``, milliseconds: a trip is planned as if its drone were free so much
+            sooner. The first request of a shared trip counts.
         """
-        calendar = Calendar(self.planner, self.estimates)
-        waiting = [(slot.at_ms, drone) for drone, slot in enumerate(calendar.slots)]
-        heapq.heapify(waiting)
-        following = [0] * len(waiting)
-        missing = set(range(len(self.problem.requests)))
+        calendar = Calendar(self.planner, self.estimates, like)
+        leads = [0] * len(self.problem.requests) if leads_ms is None else leads_ms.tolist()
+        missing = set(range(len(leads)))
+        following = [iter(each) for each in sequences]
+        waiting: list[tuple[int, int, Pool]] = []
+
+        def wait(drone: int) -> None:
+            pool = next(following[drone], None)
+            if pool is not None:
+                moment_ms = calendar.slots[drone].at_ms - leads[pool[0]]
+                heapq.heappush(waiting, (moment_ms, drone, pool))
+
+        for drone in range(len(sequences)):
+            wait(drone)
         while waiting:
-            _, drone = heapq.heappop(waiting)
-            if following[drone] == len(sequences[drone]):
-                continue
-            pool = sequences[drone][following[drone]]
-            following[drone] += 1
-            trip = calendar.plan(pool, drone)
-            if trip is not None:
-                calendar.add(trip, drone)
+            _, drone, pool = heapq.heappop(waiting)
+            if calendar.add_next(pool, drone) is not None:
                 missing.difference_update(pool)
-            heapq.heappush(waiting, (calendar.slots[drone].at_ms, drone))
+            wait(drone)
         return self.priced(calendar.trips, self._added(calendar, missing))
 
     def in_order(self, order: Order, *, like: Schedule | None = None) -> Schedule:
@@ -163,18 +214,9 @@ class Scheduler:
         Requests that are missing or have no plan are added at the end as in the arrival order. The
         first trips of `like` are taken over as far as the order is the same.
         """
-        known = () if like is None else like.trips
-        same = 0
-        while same < min(len(order), len(known)) and order[same] == (
-            known[same].drone,
-            known[same].trip.pool,
-        ):
-            same += 1
-        calendar = Calendar(self.planner, self.estimates, known[:same])
-        for drone, pool in order[same:]:
-            trip = calendar.plan(pool, drone)
-            if trip is not None:
-                calendar.add(trip, drone)
+        calendar = Calendar(self.planner, self.estimates, like)
+        for drone, pool in order:
+            calendar.add_next(pool, drone)
         missing = set(range(len(self.problem.requests)))
         missing.difference_update(number for each in calendar.trips for number in each.trip.pool)
         return self.priced(calendar.trips, self._added(calendar, missing))

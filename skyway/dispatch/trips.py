@@ -19,6 +19,7 @@ from skyway.drone.model import DroneModel
 from skyway.ids import StationId
 from skyway.planner import PadLedger, Trips, TripTerms, compose, compose_many
 from skyway.planner.pad_book import PadBook, booked_until_ms
+from skyway.planner.planned_trips import TripOutcome
 from skyway.planner.problem import DroneAtStart, Problem
 from skyway.planner.problem_parts import PackageToDeliver
 from skyway.scheduling.stays import Slot
@@ -78,6 +79,8 @@ class TripPlanner:
         ]
         #: The latest delivery of requests with a promise, which shared trips try to keep.
         self.latest_s: Mapping[int, float] = {}
+        #: Whether no search for a trip has ended early for lack of labels.
+        self.is_exact = True
         self._cached: dict[tuple[int, StationId, float, Pool], PlannedTrip | None] = {}
         network = problem.network
         self._is_timeless = not (
@@ -169,6 +172,7 @@ class TripPlanner:
     ) -> PlannedTrip | None:
         columns = self._columns(source, pool, drone, slot, latest_s)
         found = compose_many(columns, ledger, labels_per_trip=self.problem.label_limit)
+        self.is_exact &= found.outcome[0] not in (TripOutcome.FEASIBLE, TripOutcome.UNKNOWN)
         if not found.is_planned[0]:
             return None
         ids = self.problem.network.columns.station_ids

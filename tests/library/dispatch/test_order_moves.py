@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from skyway_lab.benchmarks.dispatch.small import compared, small_fleet
 
-from skyway.dispatch.optimise import begun
+from skyway.dispatch.optimise import begun, searched
 from skyway.dispatch.order_moves import Order, OrderMoves
+from tests.library.dispatch.fleets import small_fleet as city_fleet
+from tests.library.dispatch.fleets import without_promises
 
 
 def test_a_changed_order_has_every_request_at_most_once_and_no_pool_that_may_not_share() -> None:
@@ -45,3 +47,43 @@ def test_a_small_fleet_costs_no_more_than_its_best_order(seed: int) -> None:
 
     assert found.worse <= 0.001
     assert found.unserved <= found.least_unserved
+
+
+def test_leads_change_only_in_which_order_the_drones_are_planned() -> None:
+    search = begun(small_fleet(3, drones=3, requests=6))
+    rule = search.scheduler.planned(search.best.sequences(3))
+    leads_ms = np.zeros(6, np.int64)
+
+    for _ in range(100):
+        leads_ms = search.moves.other_leads(leads_ms)
+        sequences = rule.sequences(3)
+        found = search.scheduler.planned(sequences, leads_ms=leads_ms, like=rule)
+        again = search.scheduler.planned(sequences, leads_ms=leads_ms)
+
+        assert found.order == again.order
+        assert found.costs == again.costs
+        assert found.sequences(3) == sequences
+
+
+def test_a_request_with_a_long_lead_is_planned_first() -> None:
+    search = begun(small_fleet(3, drones=3, requests=6))
+    rule = search.scheduler.planned(search.best.sequences(3))
+    last_of_first_trips = max(row[0] for row in rule.sequences(3) if row)
+    leads_ms = np.zeros(6, np.int64)
+    leads_ms[last_of_first_trips[0]] = 10**9
+
+    found = search.scheduler.planned(rule.sequences(3), leads_ms=leads_ms)
+
+    assert found.order[0][1] == last_of_first_trips
+
+
+def test_a_larger_fleet_is_planned_in_a_better_order_than_by_the_rule() -> None:
+    problem = without_promises(city_fleet(1, drones=4, requests=24))
+    requests = tuple(each.model_copy(update={"pooling": False}) for each in problem.requests)
+    alone = problem.model_copy(update={"requests": requests})
+
+    search = searched(alone, rounds=24, most_steps=2_000, seed=1)
+    by_rule = search.scheduler.planned(search.best.sequences(4))
+
+    assert search.leads_ms.any()
+    assert search.best.costs.total_s < by_rule.costs.total_s
