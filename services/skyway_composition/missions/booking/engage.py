@@ -1,6 +1,7 @@
 """Claims what an offer needs, and adds its missions, steps, custody and instructions."""
 
 from collections.abc import Mapping, Sequence
+from datetime import timedelta
 
 from skyway.contracts.mission import Booking, Mission
 from skyway.ids import DeliveryId, DroneId, HoldId, MissionId
@@ -55,6 +56,8 @@ async def engage(
     of the drones or pads.
     """
     skyway, courier, missions = world.skyway, Courier(context.clock, context.mint), []
+    firm_within_s = offer.parts[0].request.qos.firm_within_s if attempt == 1 else 0.0
+    firm_at = context.clock.now() + timedelta(seconds=firm_within_s) if firm_within_s else None
     expires_at = courier.expiry()
     held = await held_packages(tx.connection, delivery_id) if attempt > 1 else {}
     for number, part in enumerate(offer.parts, 1):
@@ -68,6 +71,7 @@ async def engage(
             mission_id=MissionId(context.mint("msn")),
             expires_at=expires_at,
             planned_in=world.present if place is None else None,
+            firm_at=firm_at,
         )
         if place is None:
             now, free = context.clock.now(), free_from(record)

@@ -333,16 +333,26 @@ def promised_ms(record: MissionRecord) -> Mapping[PackageId, int]:
     return {each: promised.get(each, at_ms) for each, at_ms in etas_ms(record).items()}
 
 
-def latest_ms(record: MissionRecord, *, tolerance_s: float) -> dict[PackageId, int]:
-    """The latest delivery of each package that another order may have.
+def has_promise_to_make(record: MissionRecord, *, now_ms: int) -> bool:
+    """Whether the mission's provisional promise has to become firm by this moment."""
+    firm_at = record.mission.firm_at
+    return firm_at is not None and moment_to_ms(firm_at) <= now_ms
 
-    It is the promise with the tolerance, or the present plan if that is later. A customer may allow
-    more (`may_be_later_s`), up to the deadline, but not for the others on a shared mission.
+
+def latest_ms(record: MissionRecord, *, tolerance_s: float) -> dict[PackageId, int]:
+    """The latest delivery of each package that another order may have, if there is one.
+
+    While the promise is provisional, only a deadline is a limit. Then it is the promise with the
+    tolerance, or the present plan if that is later. A customer may allow more (`may_be_later_s`),
+    up to the deadline, but not for the others on a shared mission.
     """
     promised, planned = promised_ms(record), etas_ms(record)
     qos, tolerance_ms = record.request.qos, round(tolerance_s * 1000)
     allowed_ms = 0 if record.shares else round(qos.may_be_later_s * 1000)
     deadline_ms = math.inf if qos.deadline_at is None else moment_to_ms(qos.deadline_at)
+    if record.mission.firm_at is not None:
+        limits = {each: max(deadline_ms, at_ms) for each, at_ms in planned.items()}
+        return {each: round(at_ms) for each, at_ms in limits.items() if at_ms < math.inf}
 
     def latest(promise_ms: int, planned_ms: int) -> int:
         allowed = min(promise_ms + allowed_ms, deadline_ms)

@@ -55,6 +55,11 @@ _is_planned_in_another_world: Final = exists().where(
         networks.c.conditions != _queued.c.planned_conditions,
     ),
 )
+_has_promise_to_make: Final = exists().where(
+    _queued.c.drone_id == _next.c.drone_id,
+    _queued.c.state == literal_column("'QUEUED'"),
+    _queued.c.firm_ms <= bindparam("now_ms"),
+)
 #: The drones whose calendar may have to change.
 TO_LOOK_AT: Final = (
     select(_next.c.drone_id)
@@ -70,6 +75,7 @@ TO_LOOK_AT: Final = (
                 _before.c.proposal.is_(None),
             ),
             _is_planned_in_another_world,
+            _has_promise_to_make,
             # Its drone may be silent for ever.
             _next.c.start_ms < bindparam("overdue_ms"),
         )
@@ -79,14 +85,21 @@ TO_LOOK_AT: Final = (
 
 
 async def drones_to_look_at(
-    connection: AsyncConnection, *, soon_ms: int, hand_over_ms: int, overdue_ms: int
+    connection: AsyncConnection, *, now_ms: int, soon_ms: int, hand_over_ms: int, overdue_ms: int
 ) -> list[DroneId]:
     """The drones whose next mission may begin, does not fit, or has an outdated plan.
+
+    Also drones with a QUEUED mission whose promise becomes firm by `now_ms`.
 
     A mission may begin when its drone is idle and its start lies before `soon_ms`. Drones whose
     next mission should have begun before `overdue_ms` are found too.
     """
-    values = {"soon_ms": soon_ms, "hand_over_ms": hand_over_ms, "overdue_ms": overdue_ms}
+    values = {
+        "now_ms": now_ms,
+        "soon_ms": soon_ms,
+        "hand_over_ms": hand_over_ms,
+        "overdue_ms": overdue_ms,
+    }
     found = await connection.execute(TO_LOOK_AT, values)
     return list(found.scalars())
 
@@ -144,6 +157,7 @@ _HOSTS_AT: Final = (
     select(missions.c.mission_id, missions.c.pooling_at, missions.c.start_ms)
     .where(
         is_queued,
+        missions.c.firm_ms.is_(None),
         missions.c.network_id == bindparam("network_id"),
         in_list(missions.c.pooling_at, "station_ids"),
         in_list(missions.c.provider_id, "provider_ids"),
@@ -191,6 +205,8 @@ async def hosts_at(
     limit: int,
 ) -> list[MissionRecord]:
     """QUEUED missions of these providers with a pickup at these stations that may be shared.
+
+    Their promises are firm.
 
     At most `limit`. `ready_ms` says when the packages can be at each station, and is 0 for the
     request's own pickup. Missions at this pickup come first. Missions follow that start when the
@@ -240,7 +256,7 @@ async def _open_missions(connection: AsyncConnection, where: ColumnElement[bool]
 
 
 async def save_promises(tx: Tx, record: MissionRecord) -> None:
-    """Save the promised arrival times of a mission that carries packages of a new guest."""
+    """Save the promised arrival times of a mission."""
     await tx.execute(
         update(missions)
         .where(missions.c.mission_id == record.mission_id)

@@ -42,6 +42,7 @@ from skyway_composition.missions.queue.dispatching.search_process import (
     SearchFailed,
     SearchProcess,
 )
+from skyway_composition.missions.queue.plan_queue import has_promise_to_make
 from skyway_composition.pads.store import booked_everywhere
 from skyway_composition.planning.world import World
 
@@ -114,6 +115,9 @@ class OrderFinder:
         fleet = free_to_take_off(await self._fleet(network_id, provider_id, times), world, times)
         # Calendars of an earlier network or closure are planned again first, without this search.
         if not _can_improve(fleet) or not fleet.is_planned_in(world.present):
+            return "unsearched"
+        # A promise that has to be firm by now becomes firm before anything moves.
+        if any(has_promise_to_make(each, now_ms=times.now_ms) for each in fleet.waiting):
             return "unsearched"
         if self._searched.get((network_id, provider_id)) == fleet.orders:
             return "unsearched"

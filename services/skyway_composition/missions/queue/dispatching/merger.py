@@ -118,6 +118,7 @@ def promises_of(record: MissionRecord) -> dict[PackageId, PackageEta]:
 def may_merge(record: MissionRecord) -> bool:
     """Whether a waiting mission may carry packages of others, or be carried by another mission."""
     has_room = len(record.shares) < MOST_SHARES and record.mission.trip == 1
+    has_room = has_room and record.mission.firm_at is None
     return has_room and record.may_be_shared and not record.aims
 
 
