@@ -192,5 +192,6 @@ def _save(figure: Any, path: Path) -> None:  # matplotlib's Figure, imported lat
     from matplotlib import pyplot
 
     # No date and no version inside: the same results make the same file.
-    figure.savefig(path, dpi=110, metadata={"Software": None})
+    hidden = {"Date": None, "Creator": None} if path.suffix == ".svg" else {"Software": None}
+    figure.savefig(path, dpi=110, metadata=hidden)
     pyplot.close(figure)

@@ -29,8 +29,7 @@ End = tuple[str, str | None, int | None, str | None]
 
 #: The events about the plans and the ends of packages.
 _EVENTS: Final = (
-    "delivery.planned",
-    "delivery.promised",
+    *("delivery.planned", "delivery.promised"),
     *sorted(f"package.{state.lower()}" for state in SETTLED_PACKAGE_STATES),
 )
 

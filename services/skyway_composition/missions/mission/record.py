@@ -169,6 +169,12 @@ class MissionRecord:
         return self.mission.drone_id
 
     @property
+    def promises(self) -> dict[PackageId, PackageEta]:
+        """When each package was promised; when it is planned, if the promise was not stored."""
+        both = (*self.mission.packages, *self.promised)
+        return {each.package_id: each for each in both}
+
+    @property
     def delivery_ids(self) -> tuple[DeliveryId, ...]:
         """The deliveries that it serves."""
         shared = tuple(each.delivery_id for each in self.shares)

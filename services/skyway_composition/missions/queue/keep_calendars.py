@@ -130,18 +130,16 @@ class Calendars:
         async with self.context.db.write() as tx:
             # I11: the world cannot change before the end of a transaction that sends a mission.
             present = await share_current(tx, seen[0].network_id)
-            work = await self._lock(drone_id, tx)
+            work = await MissionUnitOfWork.lock(self.context, tx, [drone_id])
             calendar = await _read(work, drone_id)
             if not calendar.queued or calendar.queued[0].network_id != seen[0].network_id:
                 return True
             following = calendar.queued[0]
-            if provisional := [
-                each
-                for each in calendar.queued
-                if has_promise_to_make(each, now_ms=self.context.now_ms)
-            ]:
-                for each in provisional:
-                    await make_firm(work, each)
+            now_ms = self.context.now_ms
+            due = [each for each in calendar.queued if has_promise_to_make(each, now_ms=now_ms)]
+            for each in due:
+                await make_firm(work, each)
+            if due:
                 return True
             decision = decide(
                 following,
@@ -223,9 +221,6 @@ class Calendars:
         )
         if isinstance(decision, Send):
             await send_next(work, following)
-
-    async def _lock(self, drone_id: DroneId, tx: Tx) -> MissionUnitOfWork:
-        return await MissionUnitOfWork.lock(self.context, tx, [drone_id])
 
     def _times(self, drone_id: DroneId | None = None) -> Times:
         """The present times; for a drone, with the time that its plans need."""

@@ -44,7 +44,8 @@ _next: Final = (
 )
 _before: Final = select(missions).where(is_live).subquery("before")
 _queued: Final = missions.alias("queued")
-_is_planned_in_another_world: Final = exists().where(
+#: A plan of an earlier network, or a provisional promise that has to become firm.
+_is_outdated: Final = exists().where(
     _queued.c.drone_id == _next.c.drone_id,
     # A literal: with a parameter PostgreSQL does not take the index of queued missions, and reads
     # all missions that ever were.
@@ -53,12 +54,8 @@ _is_planned_in_another_world: Final = exists().where(
     or_(
         networks.c.version != _queued.c.planned_version,
         networks.c.conditions != _queued.c.planned_conditions,
+        _queued.c.firm_ms <= bindparam("now_ms"),
     ),
-)
-_has_promise_to_make: Final = exists().where(
-    _queued.c.drone_id == _next.c.drone_id,
-    _queued.c.state == literal_column("'QUEUED'"),
-    _queued.c.firm_ms <= bindparam("now_ms"),
 )
 #: The drones whose calendar may have to change.
 TO_LOOK_AT: Final = (
@@ -74,8 +71,7 @@ TO_LOOK_AT: Final = (
                 _before.c.released_ms > _next.c.start_ms - bindparam("hand_over_ms"),
                 _before.c.proposal.is_(None),
             ),
-            _is_planned_in_another_world,
-            _has_promise_to_make,
+            _is_outdated,
             # Its drone may be silent for ever.
             _next.c.start_ms < bindparam("overdue_ms"),
         )
@@ -84,9 +80,7 @@ TO_LOOK_AT: Final = (
 )
 
 
-async def drones_to_look_at(
-    connection: AsyncConnection, *, now_ms: int, soon_ms: int, hand_over_ms: int, overdue_ms: int
-) -> list[DroneId]:
+async def drones_to_look_at(connection: AsyncConnection, **moments_ms: int) -> list[DroneId]:
     """The drones whose next mission may begin, does not fit, or has an outdated plan.
 
     Also drones with a QUEUED mission whose promise becomes firm by `now_ms`.
@@ -94,13 +88,7 @@ async def drones_to_look_at(
     A mission may begin when its drone is idle and its start lies before `soon_ms`. Drones whose
     next mission should have begun before `overdue_ms` are found too.
     """
-    values = {
-        "now_ms": now_ms,
-        "soon_ms": soon_ms,
-        "hand_over_ms": hand_over_ms,
-        "overdue_ms": overdue_ms,
-    }
-    found = await connection.execute(TO_LOOK_AT, values)
+    found = await connection.execute(TO_LOOK_AT, moments_ms)
     return list(found.scalars())
 
 
