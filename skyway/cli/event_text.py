@@ -34,6 +34,8 @@ def _sentence(event_type: str, data: EventData) -> str:
         case "delivery.planned":
             pickup = f"pickup at {data['pickup_station_id']}"
             return f"planned: {pickup}, {_etas(data['packages'])}, {_price(data['price'])}"
+        case "delivery.promised":
+            return f"promised: {_etas(data['packages'])}"
         case "delivery.dispatched":
             return f"drone {data['drone_id']} has accepted the mission"
         case "delivery.loaded":

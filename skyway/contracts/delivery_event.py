@@ -16,6 +16,7 @@ class DeliveryEventType(StrEnum):
     CHANGED = "delivery.changed"
     SCHEDULED = "delivery.scheduled"
     PLANNED = "delivery.planned"
+    PROMISED = "delivery.promised"
     DISPATCHED = "delivery.dispatched"
     LOADED = "delivery.loaded"
     STARTED = "delivery.started"

@@ -136,6 +136,14 @@ class PlannedData(WireModel):
     ]
 
 
+class PromisedData(WireModel):
+    """When each package is promised: the promise is firm now."""
+
+    packages: Annotated[
+        tuple[ExpectedPackage, ...], Field(description="The packages whose promise is firm.")
+    ]
+
+
 class DispatchedData(_FlownBy):
     """Whose drone accepted the mission."""
 

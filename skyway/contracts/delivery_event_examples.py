@@ -54,6 +54,7 @@ def _examples() -> Iterator[tuple[str, datetime, Mapping[str, Any]]]:
     yield "delivery.requested", after(0), _requested()
     yield "delivery.scheduled", after(0), _scheduled()
     yield "delivery.planned", after(0), _planned()
+    yield "delivery.promised", after(1), {"packages": _planned()["packages"]}
     yield "delivery.changed", after(0), _changed()
     yield "delivery.dispatched", after(1), _FLOWN_BY
     yield "delivery.loaded", after(5), _loaded()

@@ -20,6 +20,7 @@ from skyway.contracts.delivery_event_data import (
     PackageReturnedData,
     PackageStrandedData,
     PlannedData,
+    PromisedData,
     ProofAwaitedData,
     RejectedData,
     ReplannedData,
@@ -73,6 +74,13 @@ class DeliveryPlannedEvent(_Event):
 
     type: Annotated[Literal["delivery.planned"], _About]
     data: Annotated[PlannedData, _Data]
+
+
+class DeliveryPromisedEvent(_Event):
+    """A promise that was provisional is firm now (`qos.firm_within_s`)."""
+
+    type: Annotated[Literal["delivery.promised"], _About]
+    data: Annotated[PromisedData, _Data]
 
 
 class DeliveryDispatchedEvent(_Event):
@@ -185,6 +193,7 @@ AnyDeliveryEvent = Annotated[
     | DeliveryChangedEvent
     | DeliveryScheduledEvent
     | DeliveryPlannedEvent
+    | DeliveryPromisedEvent
     | DeliveryDispatchedEvent
     | DeliveryLoadedEvent
     | DeliveryStartedEvent

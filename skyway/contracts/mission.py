@@ -113,6 +113,13 @@ class DeliveryMission(WireModel):
         WeatherNote | None,
         Field(description="The weather forecast that the plan uses; null if it assumes still air."),
     ] = None
+    firm_at: Annotated[
+        FleetMoment | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="When its promise becomes firm at the latest; absent once it is firm.",
+        ),
+    ] = None
     #: AWAITED while the drone stands at the pickup until a loader confirms.
     loading: Annotated[
         Literal["AUTOMATIC", "CONFIRMED", "AWAITED"],

@@ -36,6 +36,7 @@ class MissionReport(WireModel):
     `seq` counts per mission from 1 without gaps; the sender repeats until answered 2xx. Kinds:
 
     QUEUED      it waits for the missions before it in its drone's calendar
+    PROMISED    its promise is firm: it has the arrival times of `mission`
     ACCEPTED    the drone will fly it
     REFUSED     it will not (code); the mission is over and everything is freed
     LOADING     the mission has begun: approach flight, or loading at the pickup
@@ -68,6 +69,7 @@ class MissionReport(WireModel):
     kind: Annotated[
         Literal[
             "QUEUED",
+            "PROMISED",
             "ACCEPTED",
             "REFUSED",
             "LOADING",

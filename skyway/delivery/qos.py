@@ -145,6 +145,16 @@ class QoS(JsonModel):
             "the dispatcher can plan the whole fleet better. They are added to `due_at`.",
         ),
     ] = 0.0
+    firm_within_s: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=3600,
+            description="Seconds after the booking within which the promise becomes firm; 0 to "
+            "3600. Until then it is provisional: the dispatcher may plan the delivery at any time "
+            "up to its deadline.",
+        ),
+    ] = 0.0
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> Self:

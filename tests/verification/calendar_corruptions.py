@@ -42,6 +42,11 @@ CALENDAR_CORRUPTIONS: Final = (
         composition="UPDATE missions SET promised = '[{' WHERE mission_id = :queued_mission",
     ),
     Corruption(
+        "a firm promise of a QUEUED mission that is provisional again",
+        "a mission's columns say what its body says",
+        composition="UPDATE missions SET firm_ms = 1 WHERE mission_id = :queued_mission",
+    ),
+    Corruption(
         "a day without better orders",
         "what better orders have saved is counted by days",
         composition="INSERT INTO better_orders (provider_id, day_ms, orders, moves, saved_ms)"

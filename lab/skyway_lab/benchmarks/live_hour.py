@@ -61,10 +61,11 @@ _HEADER: Final = (
 
 @dataclass(frozen=True, slots=True)
 class _Hour:
-    """A case, and by how many seconds each customer allows a later delivery."""
+    """A case, what each customer allows, and when its promise has to be firm, seconds."""
 
     case: FleetCase
     may_be_later_s: float
+    firm_within_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +85,9 @@ def main() -> int:
     parser.add_argument(
         "--may-be-later-s", type=float, default=0.0, help="seconds of lateness that customers allow"
     )
+    parser.add_argument(
+        "--firm-within-s", type=float, default=0.0, help="seconds until promises are firm"
+    )
     parser.add_argument("--clock-rate", type=float, default=60.0, help="fleet seconds in a second")
     parser.add_argument("--seeds", default="1", help="whole numbers, separated by commas")
     given = parser.parse_args()
@@ -95,7 +99,9 @@ def main() -> int:
     try:
         for place in given.places.split(","):
             for seed in map(int, given.seeds.split(",")):
-                hour = _Hour(fleet_case(place, load, seed=seed), given.may_be_later_s)
+                hour = _Hour(
+                    fleet_case(place, load, seed=seed), given.may_be_later_s, given.firm_within_s
+                )
                 calendars = fly_hour(PolicyHour(place, load, seed, _CALENDARS))
                 row = _row(hour, mean(calendars.delays_min), seed, given.clock_rate)
                 rows.append(row)
@@ -110,7 +116,8 @@ def main() -> int:
 
 def _row(hour: _Hour, calendars_min: float, seed: int, clock_rate: float) -> tuple[str, ...]:
     tolerance_s = max(_TOLERANCE_S, hour.may_be_later_s)
-    simulated = RollingHour(hour.case, replace(_SEARCH, promise_tolerance_s=tolerance_s), seed)
+    policy = replace(_SEARCH, promise_tolerance_s=tolerance_s, firm_within_s=hour.firm_within_s)
+    simulated = RollingHour(hour.case, policy, seed)
     simulated.run()
     live = asyncio.run(_fly(hour, clock_rate=clock_rate))
     live_min = mean(live.waited_s.values()) / 60
@@ -144,7 +151,7 @@ async def _play(hour: _Hour, player: Player) -> dict[int, float]:
     for request in case.requests:
         at = started_at + timedelta(milliseconds=request.asked_ms)
         await player.until(at)
-        answer = await player.call("POST", "/v1/deliveries", _body(request, hour.may_be_later_s))
+        answer = await player.call("POST", "/v1/deliveries", _body(request, hour))
         asked[request.number] = (answer["delivery_id"], at)
     waited_s = {}
     for number, (delivery_id, at) in asked.items():
@@ -157,7 +164,7 @@ async def _play(hour: _Hour, player: Player) -> dict[int, float]:
     return waited_s
 
 
-def _body(request: HourRequest, may_be_later_s: float) -> dict[str, Any]:
+def _body(request: HourRequest, hour: _Hour) -> dict[str, Any]:
     return {
         "pickup": {"station_id": request.source},
         "packages": [
@@ -168,7 +175,11 @@ def _body(request: HourRequest, may_be_later_s: float) -> dict[str, Any]:
             }
             for each in request.packages
         ],
-        "qos": {"objective": "FASTEST", "may_be_later_s": may_be_later_s},
+        "qos": {
+            "objective": "FASTEST",
+            "may_be_later_s": hour.may_be_later_s,
+            "firm_within_s": hour.firm_within_s,
+        },
     }
 
 

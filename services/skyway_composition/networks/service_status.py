@@ -162,8 +162,10 @@ def status_of(
     """
     stops = [each for each in closures if each.kind == "GROUND_STOP"]
     others = [each for each in closures if each.kind != "GROUND_STOP"]
-    is_stopped = any(_stops_all(each) for each in stops)
-    stopped_models = {each.drone_model_id for each in stops if _stops_model(each)}
+    # Ground stops of one provider or of one area stop no model everywhere.
+    wide = [each for each in stops if each.area is None and each.provider_id is None]
+    is_stopped = any(each.drone_model_id is None for each in wide)
+    stopped_models = {each.drone_model_id for each in wide}
     stopped_models |= {model_id for model_id, closed in windy.items() if closed.is_all}
     models = [
         _model(each, is_stopped=is_stopped or each.model_id in stopped_models)
@@ -202,16 +204,6 @@ def without_counts(status: NetworkStatus) -> NetworkStatus:
     hidden = {"registered": None, "online": None, "idle": None}
     models = tuple(each.model_copy(update=hidden) for each in status.models)
     return status.model_copy(update={"models": models})
-
-
-def _stops_all(stop: Closure) -> bool:
-    """Whether no drone of the network may take off."""
-    return stop.area is None and stop.provider_id is None and stop.drone_model_id is None
-
-
-def _stops_model(stop: Closure) -> bool:
-    """Whether no drone of one model may take off."""
-    return stop.area is None and stop.provider_id is None and stop.drone_model_id is not None
 
 
 def _model(counted: DronesOfModel, *, is_stopped: bool) -> ModelStatus:

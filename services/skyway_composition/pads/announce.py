@@ -63,7 +63,8 @@ class StationStates:
         async with self.db.read() as connection:
             occupied = await occupied_stations(connection, at_ms=now_ms)
             if self._published_connects == connects:
-                others = sorted(self._published_as_used() - occupied.keys())
+                used = {each for each, use in self._published.items() if not use.is_none}
+                others = sorted(used - occupied.keys())
                 pads = await pads_of_all(connection, others) if others else {}
             else:
                 pads = await pads_everywhere(connection)
@@ -72,9 +73,6 @@ class StationStates:
                 foreign = await stations_of(connection, sorted(self.own.foreign))
         uses = {station_id: Occupancy(count) for station_id, count in pads.items()} | occupied
         return {station_id: use for station_id, use in uses.items() if station_id not in foreign}
-
-    def _published_as_used(self) -> set[StationId]:
-        return {station_id for station_id, use in self._published.items() if not use.is_none}
 
     def _message(self, station_id: StationId, use: Occupancy) -> StationState:
         next_free_ms = use.next_free_ms

@@ -190,9 +190,10 @@ class SolverPool:
         places = {problem.source, problem.start_station_id}
         places.update(package.destination for package in problem.packages)
         margin = _FIRST_MARGIN
+        every = np.arange(len(network.row_of), dtype=np.int32)
         boxes = _MOST_BOXES if problem.strategy in (None, DEFAULT_STRATEGY) else 0
         while True:
-            around = _rows_around(network, places, margin) if boxes > 0 else _all_rows(network)
+            around = _rows_around(network, places, margin) if boxes > 0 else every
             await world.pads.read(around)
             plan = await self.compose(
                 problem,
@@ -292,10 +293,6 @@ def _rows_around(network: Network, places: Iterable[StationId], margin: float) -
         & (columns.latitude_deg <= box.north + more_deg)
     )
     return np.flatnonzero(is_near).astype(np.int32)
-
-
-def _all_rows(network: Network) -> Rows:
-    return np.arange(len(network.row_of), dtype=np.int32)
 
 
 T = TypeVar("T")

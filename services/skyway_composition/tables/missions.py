@@ -71,8 +71,10 @@ missions = Table(
     Column("planned_conditions", BigInteger),
     # The trace in which the mission was booked: that of the request of its delivery.
     Column("traceparent", Text),
-    # JSON list of PackageEta: the arrival times with which a QUEUED mission was booked.
+    # JSON list of PackageEta: the arrival times that were promised for a QUEUED mission.
     Column("promised", Text),
+    # When the promise of a QUEUED mission becomes firm; null once it is firm.
+    Column("firm_ms", BigInteger),
     # JSON list of missions.mission.share.Share; null while the mission is not shared.
     Column("shares", Text),
     # The pickup station, if packages of other deliveries may join a QUEUED mission; else null.

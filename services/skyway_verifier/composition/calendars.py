@@ -108,7 +108,10 @@ CALENDARS: Final = (
         "I16 a QUEUED mission has a plan of its network, and only a QUEUED one waits",
         any_of(
             missions.c.mission_id,
-            and_(is_live, missions.c.planned_version.is_not(None)),
+            and_(
+                is_live,
+                or_(missions.c.planned_version.is_not(None), missions.c.firm_ms.is_not(None)),
+            ),
             and_(
                 is_queued,
                 or_(

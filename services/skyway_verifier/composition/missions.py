@@ -54,7 +54,11 @@ _RECEIVERS: Final = ("gateway", "registry")
 
 def _differs(row: Any) -> bool:  # a row of missions
     body, request, candidate = map(json.loads, (row.body, row.request, row.candidate))
-    moments = {"start_ms": ms_of(body["start_at"]), "released_ms": ms_of(body["released_at"])}
+    moments = {
+        "start_ms": ms_of(body["start_at"]),
+        "released_ms": ms_of(body["released_at"]),
+        "firm_ms": ms_of(body["firm_at"]) if "firm_at" in body else None,
+    }
     flown, asked = ({each["package_id"] for each in of["packages"]} for of in (body, request))
     return (
         not repeats(row, body, *_REPEATED)

@@ -212,8 +212,12 @@ async def _copies(survey: Survey) -> AsyncIterator[CopyFacts]:
     async for row in survey.each(select(drone_links).where(drone_links.c.renewed_ms.is_not(None))):
         yield CopyFacts(f"renewal {row.drone_id}", row.renewed_ms)
     owner_of = await survey.once(owners)
+    # The gateway may not know yet that a promise is firm.
+    waiting = await survey.once(waiting_reports)
     of_queued = select(missions).where(is_queued, missions.c.promised.is_not(None))
-    async for row in survey.each(of_queued):
+    async for row in survey.each(of_queued.where(missions.c.firm_ms.is_(None))):
+        if ("gateway", row.mission_id) in waiting:
+            continue
         for each in PROMISED.validate_json(row.promised):
             alone = row.delivery_id, each.package_id
             owner = owner_of.get((row.mission_id, each.package_id), alone)

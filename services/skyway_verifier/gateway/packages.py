@@ -29,7 +29,7 @@ End = tuple[str, str | None, int | None, str | None]
 
 #: The events about the plans and the ends of packages.
 _EVENTS: Final = (
-    "delivery.planned",
+    *("delivery.planned", "delivery.promised"),
     *sorted(f"package.{state.lower()}" for state in SETTLED_PACKAGE_STATES),
 )
 
@@ -148,7 +148,7 @@ def _notify(
     data: Mapping[str, Any],  # of the event's body
 ) -> None:
     """Add an event to the stories of its packages."""
-    is_plan = event.type == "delivery.planned"
+    is_plan = event.type in ("delivery.planned", "delivery.promised")
     for each in data["packages"] if is_plan else [data]:
         story = stories.get((event.delivery_id, each["package_id"]))
         if story is None:
@@ -257,7 +257,7 @@ _PROMISES: Final = {"promised_ms": "eta_at", "promised_p90_ms": "eta_p90_at", "d
 
 
 def _is_promised_otherwise(story: PackageStory) -> bool:
-    """Whether its promise is not that of its delivery's last event that planned it."""
+    """Whether its promise is not that of its delivery's last event that planned or promised it."""
     if story.row.mission_id is None and story.row.promised_ms is None:
         return False
     return not all(
@@ -278,7 +278,7 @@ PACKAGES: Final = (
         "a package has the promise that its customer was notified of",
         each_where(package_stories, _is_promised_otherwise),
         "Set `promised_ms`, `promised_p90_ms` and `due_ms` to `eta_at`, `eta_p90_at` and `due_at` "
-        "of the delivery's last event `delivery.planned`.",
+        "of the delivery's last event `delivery.planned` or `delivery.promised`.",
     ),
     Rule(
         "I6 a package on its way has one mission, which is under way",

@@ -1,7 +1,7 @@
 """Plans that change during a mission, and the events that customers get."""
 
 from collections.abc import Callable
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Any
 
 from skyway_verifier.gateway.rules import RULES
@@ -296,4 +296,35 @@ async def test_a_waiting_mission_moves_to_another_drone_without_news_for_the_cus
     (shown,) = (await gateway.get(delivery_id))["missions"]
     assert shown["drone_id"] == "drn_other"
     assert await gateway.event_types(delivery_id) == before
+    assert await broken_rules(gateway.parts.db, RULES, wall_at=gateway.clock.wall_now()) == []
+
+
+async def test_a_provisional_promise_becomes_that_of_the_plan_when_it_is_firm(
+    gateway_on_both: Gateway,
+) -> None:
+    gateway = gateway_on_both
+    qos = {"firm_within_s": 600, "may_be_later_s": 300}
+    delivery_id = str(await gateway.accepted(qos=qos))
+    await gateway.book_next()
+    booked = gateway.composition.booked[delivery_id, 1]
+    moved = later(booked, minutes=30).model_copy(
+        update={"state": "QUEUED", "firm_at": booked.start_at}
+    )
+    await gateway.report(delivery_id, "RETIMED", seq=1, mission=moved, mission_state="QUEUED")
+
+    provisional = await gateway.get(delivery_id)
+    firm = moved.model_copy(update={"firm_at": None})
+    await gateway.report(delivery_id, "PROMISED", seq=2, mission=firm, mission_state="QUEUED")
+    delivery = await gateway.get(delivery_id)
+
+    assert provisional["promise"]["state"] == "PROVISIONAL"
+    assert not provisional["flags"]["delayed"]
+    assert delivery["promise"] == {"state": "FIRM", "firm_at": None}
+    ((package,), (eta,)) = delivery["packages"], firm.packages
+    assert datetime.fromisoformat(package["promised_at"]) == eta.eta_at
+    assert datetime.fromisoformat(package["due_at"]) == eta.eta_at + timedelta(minutes=5)
+    promised = (await gateway.events(delivery_id))[-1]
+    assert promised["type"] == "delivery.promised"
+    due_at = promised["data"]["packages"][0]["due_at"]
+    assert datetime.fromisoformat(due_at) == datetime.fromisoformat(package["due_at"])
     assert await broken_rules(gateway.parts.db, RULES, wall_at=gateway.clock.wall_now()) == []

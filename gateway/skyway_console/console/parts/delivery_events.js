@@ -9,7 +9,7 @@ const LAST = ["completed", "partially_completed", "cancelled", "failed", "reject
   .map((name) => `delivery.${name}`);
 export const TYPES = [
   ...LAST,
-  ...["requested", "changed", "scheduled", "planned", "dispatched"]
+  ...["requested", "changed", "scheduled", "planned", "promised", "dispatched"]
     .map((name) => `delivery.${name}`),
   ...["loaded", "started", "proof_awaited", "delayed", "replanned"]
     .map((name) => `delivery.${name}`),

@@ -210,6 +210,19 @@ class PackageStatus(JsonModel):
         return self.state in SETTLED_PACKAGE_STATES
 
 
+class Promise(JsonModel):
+    """Whether `promised_at` and `due_at` of the packages may still change."""
+
+    state: Annotated[
+        Literal["PROVISIONAL", "FIRM"],
+        Field(description="PROVISIONAL: the promise becomes firm with `delivery.promised`."),
+    ]
+    firm_at: Annotated[
+        FleetMoment | None,
+        Field(description="When it becomes firm at the latest; null once it is firm."),
+    ]
+
+
 class Flags(JsonModel):
     """What may worry the customer now."""
 
@@ -304,6 +317,25 @@ class Delivery(JsonModel):
     def livemode(self) -> bool:
         """Whether it is real."""
         return is_live_id(self.delivery_id)
+
+    @computed_field(  # type: ignore[prop-decorator]
+        exclude_if=lambda value: value is None,
+        description="Whether its promise is firm; absent without `qos.firm_within_s`, and before "
+        "it is planned.",
+    )
+    @property
+    def promise(self) -> Promise | None:
+        """Whether its promise is firm; None without `firm_within_s`, and before it is planned."""
+        if self.request.qos.firm_within_s == 0 or not self.missions:
+            return None
+        moments = [each.firm_at for each in self.live_missions if each.firm_at is not None]
+        state: Literal["PROVISIONAL", "FIRM"] = "PROVISIONAL" if moments else "FIRM"
+        return Promise(state=state, firm_at=max(moments, default=None))
+
+    @property
+    def is_provisional(self) -> bool:
+        """Whether a promise of the delivery may still change."""
+        return self.promise is not None and self.promise.state == "PROVISIONAL"
 
     @property
     def is_over(self) -> bool:

@@ -43,10 +43,25 @@ def scheduled(earliest_pickup_at: datetime, *, books_from_at: datetime) -> Data:
     }
 
 
+def promised(delivery: Delivery, mission: DeliveryMission) -> Data:
+    """Data of `delivery.promised`: when the packages of a mission are promised."""
+    promises = {each.package_id: each for each in delivery.packages}
+    return {
+        "packages": [
+            {
+                "package_id": eta.package_id,
+                "eta_at": utc_text(eta.eta_at),
+                "eta_p90_at": _text(promises[eta.package_id].promised_p90_at),
+                "due_at": _text(promises[eta.package_id].due_at),
+            }
+            for eta in mission.packages
+        ]
+    }
+
+
 def planned(delivery: Delivery, missions: Sequence[DeliveryMission], *, attempt: int) -> Data:
     """Data of `delivery.planned`: drone, price, pickup, ETAs, and packages that still wait."""
     first, *_ = missions
-    promises = {each.package_id: each for each in delivery.packages}
     return {
         "attempt": attempt,
         "provider_id": first.provider_id,
@@ -56,16 +71,7 @@ def planned(delivery: Delivery, missions: Sequence[DeliveryMission], *, attempt:
         "pickup_station_id": delivery.pickup.station_id,
         "pickup_at": utc_text(min(pickup_at(mission) for mission in missions)),
         "delivery_time_s": max(mission.plan.delivery_time_s or 0.0 for mission in missions),
-        "packages": [
-            {
-                "package_id": eta.package_id,
-                "eta_at": utc_text(eta.eta_at),
-                "eta_p90_at": _text(promises[eta.package_id].promised_p90_at),
-                "due_at": _text(promises[eta.package_id].due_at),
-            }
-            for mission in missions
-            for eta in mission.packages
-        ],
+        "packages": [one for each in missions for one in promised(delivery, each)["packages"]],
         "waiting_package_ids": [package.package_id for package in delivery.waiting_packages],
     }
 

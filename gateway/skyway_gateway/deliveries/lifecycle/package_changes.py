@@ -16,6 +16,7 @@ from skyway.ids import PackageId
 from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus, Proof
 from skyway_gateway.deliveries.lifecycle.progress import Progress, changed, with_packages
+from skyway_gateway.lateness.lateness_forecast import due_of
 from skyway_gateway.notifications.delivery_events import Happening
 
 #: A package is late when its ETA passes its `due_at` by more than the larger of two limits.
@@ -204,6 +205,35 @@ def with_etas(
     return _with_lateness(after, at=report.at, host_delay=host_delay)
 
 
+def with_promises(delivery: Delivery, mission: DeliveryMission) -> Delivery:
+    """The delivery whose packages are promised for the arrival times of this mission.
+
+    A P90 stays as long after its P50 as it was.
+    """
+    etas = {each.package_id: each.eta_at for each in mission.packages}
+
+    def promise(package: PackageStatus) -> dict[str, object]:
+        eta_at, before_at, p90_at = (
+            etas[package.package_id],
+            package.promised_at,
+            package.promised_p90_at,
+        )
+        if p90_at is not None and before_at is not None:
+            p90_at = eta_at + (p90_at - before_at)
+        return {
+            "promised_at": eta_at,
+            "promised_p90_at": p90_at,
+            "due_at": due_of(eta_at, p90_at, delivery.request.qos),
+            "eta_at": eta_at,
+        }
+
+    return with_packages(
+        delivery,
+        promise,
+        where=lambda one: one.mission_id == mission.mission_id and one.package_id in etas,
+    )
+
+
 def when_overdue(
     delivery: Delivery, *, at: datetime, host_delay: timedelta
 ) -> tuple[Delivery, tuple[Happening, ...]]:
@@ -238,6 +268,8 @@ def _is_late(package: PackageStatus, delivery: Delivery, host_delay: timedelta) 
     limits = (delivery.request.qos.deadline_at, _latest_at(package, delivery))
     if any(limit is not None and eta_at > limit for limit in limits):
         return True
+    if delivery.is_provisional:
+        return False
     promised_s = (package.due_at - _start_at(package, delivery)).total_seconds()
     tolerance_s = max(TOLERANCE_S, _TOLERANCE_SHARE * promised_s)
     return eta_at - package.due_at > timedelta(seconds=tolerance_s)

@@ -26,6 +26,7 @@ from skyway_gateway.deliveries.lifecycle.package_changes import (
     returned,
     stranded,
     with_etas,
+    with_promises,
 )
 from skyway_gateway.deliveries.lifecycle.progress import (
     CANCELLED_CODE,
@@ -83,10 +84,21 @@ def _mission_after(before: FlownMission, report: MissionReport) -> FlownMission:
             # Whether a mission was sent already does not concern the customer.
             "state": "BOOKED" if report.mission_state == "QUEUED" else report.mission_state,
             "is_replanning": is_replanning,
-            "booked_start_at": before.booked_start_at,
+            "booked_start_at": (
+                report.mission.start_at
+                if report.kind == "PROMISED" and report.mission is not None
+                else before.booked_start_at
+            ),
             "charged": before.charged,
         }
     )
+
+
+def _promised(delivery: Delivery, mission: DeliveryMission, report: MissionReport) -> Progress:
+    """The promise is firm: the packages are promised for the times of the mission's plan."""
+    firm = with_promises(delivery, mission)
+    news = Happening(DeliveryEventType.PROMISED, report.at, event_data.promised(firm, mission))
+    return Progress(firm, (news,))
 
 
 def _accepted(delivery: Delivery, mission: DeliveryMission, report: MissionReport) -> Progress:
@@ -240,6 +252,7 @@ def _state_without(delivery: Delivery) -> DeliveryState:
 
 _BY_KIND: Final[Mapping[str, Callable[[Delivery, FlownMission, MissionReport], Progress]]] = {
     "QUEUED": _no_change,
+    "PROMISED": _promised,
     "ACCEPTED": _accepted,
     "REFUSED": _refused,
     "LOADING": _loading,

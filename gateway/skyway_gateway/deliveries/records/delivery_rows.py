@@ -328,7 +328,6 @@ def mission_row(mission: FlownMission) -> Values:
         "provider_id": mission.provider_id,
         "report_seq": 0,
         "currency": mission.price.currency,
-        "start_ms": moment_to_ms(mission.start_at),
         "promised_on": conditions_of(mission).model_dump_json(exclude_none=True),
         **_mission_values(mission),
     }
@@ -342,6 +341,7 @@ def _mission_values(mission: FlownMission) -> Values:
     """
     return {
         "state": mission.state,
+        "start_ms": moment_to_ms(mission.booked_start_at),
         "price_amount": mission.price.amount,
         "charged_amount": None if mission.charged is None else mission.charged.amount,
         "drone_id": mission.drone_id,

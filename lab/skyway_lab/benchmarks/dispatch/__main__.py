@@ -5,6 +5,7 @@ together: all requests of the hour are known when it begins; with a proven lower
 published: a published instance with few chargers, solved in the same way.
 standbys: where idle drones wait, without a search.
 small: random fleets of two drones, beside every order.
+promises: the mean of the rolling hour by when a promise is firm, and by its width.
 
 docs/dispatch.md says how the cases are drawn, and holds the results.
 """
@@ -13,10 +14,12 @@ import argparse
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from statistics import mean
 from types import MappingProxyType
 
 from skyway_lab.benchmarks.dispatch.peers import Order, planned_in_order, present_peers
+from skyway_lab.benchmarks.dispatch.promises import promises
 from skyway_lab.benchmarks.dispatch.published import published_fleet
 from skyway_lab.benchmarks.dispatch.small import small
 from skyway_lab.benchmarks.dispatch.standbys import standbys
@@ -55,6 +58,7 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--minute-s", type=float, default=0.3, help="processor time a minute")
     parser.add_argument("--fleets", type=int, default=200, help="small random fleets")
     parser.add_argument("--budget-s", type=float, default=10.0, help="processor time of a plan")
+    parser.add_argument("--figure", type=Path, help="a file for the figure of the promises")
     parser.add_argument(
         "--no-bound", action="store_true", help="prove nothing; a proof takes a minute a plan"
     )
@@ -130,6 +134,7 @@ PARTS: Mapping[str, Callable[[argparse.Namespace], Iterator[Table]]] = MappingPr
         "together": together,
         "published": published,
         "standbys": lambda sizes: standbys(seeds=sizes.seeds),
+        "promises": lambda sizes: promises(_chosen(sizes), seeds=sizes.seeds, figure=sizes.figure),
         "small": lambda sizes: small(sizes.fleets, budget_s=sizes.minute_s),
     }
 )

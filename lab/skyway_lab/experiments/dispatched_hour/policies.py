@@ -37,8 +37,12 @@ class DispatchPolicy:
     energy_s_per_kwh
         The price of energy while requests still come: later requests need the charge.
     promise_tolerance_s
-        The first plan of a request is its promise, and later plans deliver at most so much later.
-        None: there are no promises.
+        The width of a promise: plans after it deliver at most so much later than the plan that was
+        promised. None: there are no promises.
+    firm_within_s
+        A request is promised what the last plan says before the request is so old, or the plan
+        with which its trip begins. A request that is so old before its first plan is promised the
+        first plan.
     """
 
     name: str
@@ -48,6 +52,7 @@ class DispatchPolicy:
     ahead_s: float | None = None
     energy_s_per_kwh: float = 0.0
     promise_tolerance_s: float | None = None
+    firm_within_s: float = 0.0
 
 
 def _first_come(problem: FleetProblem, _seed: int) -> Schedule:

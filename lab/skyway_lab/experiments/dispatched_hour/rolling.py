@@ -45,8 +45,8 @@ class _Drone:
 class RollingHour:
     """The state of one hour; `delivered_ms` and `promised_ms` are by the number of the request.
 
-    The promise is when the first plan of the request delivers it. `flights_ahead` counts the
-    flights to pickups without packages.
+    The promise is when the plan of the moment at which it becomes firm delivers the request.
+    `flights_ahead` counts the flights to pickups without packages.
     """
 
     case: FleetCase
@@ -171,12 +171,14 @@ class RollingHour:
         waiting: dict[int, PlannedTrip] = {}
         for number, trip in sorted(schedule.trips, key=lambda each: each.trip.slot.at_ms):
             start_ms = now_ms + trip.slot.at_ms
-            for each, moment_ms in zip(trip.pool, trip.delivered_ms, strict=True):
-                self.promised_ms.setdefault(requests[each].number, now_ms + moment_ms)
             if waits_for_more(problem, trip.pool, most_wait_s=most_wait_s):
                 waiting.setdefault(number, trip)
             if number in waiting:
                 start_ms = max(start_ms, until_ms)
+            for each, moment_ms in zip(trip.pool, trip.delivered_ms, strict=True):
+                firm_ms = requests[each].asked_ms + 1000 * self.policy.firm_within_s
+                if firm_ms < now_ms + _TICK_MS or start_ms < until_ms:
+                    self.promised_ms.setdefault(requests[each].number, now_ms + moment_ms)
             if start_ms >= until_ms:
                 for each in trip.pool:
                     self._planned[requests[each].number] = f"d{number}", start_ms

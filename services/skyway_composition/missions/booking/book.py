@@ -234,9 +234,6 @@ class _Attempt:
             return earlier
         mission = await found.join(self.bookings.context, tx)
         tx.after_commit(self.bookings.context.calendars.set)
-        tx.after_commit(_count_shared)
+        about = "deliveries that joined the mission of another one"
+        tx.after_commit(partial(count, "skyway_shared_trips", about))
         return Booking(outcome="BOOKED", missions=(mission,))
-
-
-def _count_shared() -> None:
-    count("skyway_shared_trips", "deliveries that joined the mission of another one")

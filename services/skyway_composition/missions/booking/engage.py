@@ -1,6 +1,7 @@
 """Claims what an offer needs, and adds its missions, steps, custody and instructions."""
 
 from collections.abc import Mapping, Sequence
+from datetime import timedelta
 
 from skyway.contracts.mission import Booking, Mission
 from skyway.ids import DeliveryId, DroneId, HoldId, MissionId
@@ -55,6 +56,8 @@ async def engage(
     of the drones or pads.
     """
     skyway, courier, missions = world.skyway, Courier(context.clock, context.mint), []
+    firm_within_s = offer.parts[0].request.qos.firm_within_s if attempt == 1 else 0.0
+    firm_at = context.clock.now() + timedelta(seconds=firm_within_s) if firm_within_s else None
     expires_at = courier.expiry()
     held = await held_packages(tx.connection, delivery_id) if attempt > 1 else {}
     for number, part in enumerate(offer.parts, 1):
@@ -68,6 +71,7 @@ async def engage(
             mission_id=MissionId(context.mint("msn")),
             expires_at=expires_at,
             planned_in=world.present if place is None else None,
+            firm_at=firm_at,
         )
         if place is None:
             now, free = context.clock.now(), free_from(record)
@@ -124,10 +128,12 @@ async def claim(
     moving = {each.drone_id: each.calendar_version for each in moves}
     seen = Snapshot(world.present, moving | {each: calendars[each] for each in providers})
     booked = [pad for part in parts for pad in part.trip.booked_pads]
+    # An idle drone whose mission begins soon gets the mission now.
     sent_now = {
         each.candidate.drone_id
         for each in parts
-        if _is_sent_now(each, now_ms + send_ahead_ms(clock, each.request.qos))
+        if (each.opening is None or each.opening.after is None)
+        and each.trip.start_ms <= now_ms + send_ahead_ms(clock, each.request.qos)
     }
     first = parts[0].candidate
     is_only_sent = first.drone_id in sent_now and parts[0].opening is None and own_hold is None
@@ -160,12 +166,6 @@ async def claim(
     await move_standbys(tx, moves, world)
     await _make_room(tx, parts, clock=clock)
     return places
-
-
-def _is_sent_now(part: Part, send_by_ms: int) -> bool:
-    """Whether the drone is idle and the mission begins soon."""
-    is_idle = part.opening is None or part.opening.after is None
-    return is_idle and part.trip.start_ms <= send_by_ms
 
 
 async def _make_room(tx: Tx, parts: Sequence[Part], *, clock: FleetClock) -> None:

@@ -79,7 +79,9 @@ async def yielding_standbys(
     return [
         _standby(rows)
         for rows in by_mission
-        if rows[0].state == "QUEUED" or not _is_offline(rows[0].connection)
+        if rows[0].state == "QUEUED"
+        or rows[0].connection is None
+        or Connection.read(rows[0].connection).status == "ONLINE"
     ]
 
 
@@ -102,7 +104,3 @@ async def unanswered(connection: AsyncConnection, mission_ids: Collection[Missio
     """Whether the drone of one of these missions has not answered a proposal yet."""
     found = await connection.execute(_UNANSWERED, {"mission_ids": [*mission_ids]})
     return found.first() is not None
-
-
-def _is_offline(connection: str | None) -> bool:
-    return connection is not None and Connection.read(connection).status != "ONLINE"

@@ -225,10 +225,12 @@ def new_mission(
     mission_id: MissionId,
     expires_at: datetime,
     planned_in: Present | None,
+    firm_at: datetime | None,
 ) -> MissionRecord:
     """The record of a new mission that flies a part of an offer; QUEUED if `planned_in` is given.
 
-    The first instruction expires at `expires_at`.
+    The first instruction expires at `expires_at`. The promise of a QUEUED mission becomes firm at
+    `firm_at`, or is firm already.
     """
     candidate, trip, request = part.candidate, part.trip, part.request
     start_at = ms_to_moment(trip.start_ms)
@@ -254,6 +256,7 @@ def new_mission(
         margins=margins_of(world, candidate, trip),
         weather=world.weather_note(trip.start_ms),
         loading="AWAITED" if candidate.loading == "CONFIRMED" else "AUTOMATIC",
+        firm_at=None if planned_in is None else firm_at,
     )
     return MissionRecord(
         mission=mission,

@@ -137,9 +137,9 @@ class MissionRecord:
 
     `reported_activity` is the drone's activity and station in the last report to the customer.
     `planned_in` is the network with which a QUEUED mission was planned. `promised` are the arrival
-    times with which it was booked. `traceparent` is that of the delivery's request. `shares` are
-    the deliveries that fly together, first that of the mission itself; empty while it flies for
-    one only.
+    times with which it was booked, or with which its promise became firm. `traceparent` is that of
+    the delivery's request. `shares` are the deliveries that fly together, first that of the mission
+    itself; empty while it flies for one only.
     """
 
     mission: Mission
@@ -167,6 +167,12 @@ class MissionRecord:
     def drone_id(self) -> DroneId:
         """The drone that flies it."""
         return self.mission.drone_id
+
+    @property
+    def promises(self) -> dict[PackageId, PackageEta]:
+        """When each package was promised; when it is planned, if the promise was not stored."""
+        both = (*self.mission.packages, *self.promised)
+        return {each.package_id: each for each in both}
 
     @property
     def delivery_ids(self) -> tuple[DeliveryId, ...]:
@@ -359,6 +365,7 @@ def changing_columns(record: MissionRecord) -> dict[str, Any]:  # column values 
         "loading": mission.loading,
         "stays": stays_json(stays) if stays else None,
         "served_ms": record.served_ms,
+        "firm_ms": None if mission.firm_at is None else moment_to_ms(mission.firm_at),
         "planned_version": None if planned_in is None else planned_in.version,
         "planned_conditions": None if planned_in is None else planned_in.conditions,
         "shares": shares_json(record.shares),

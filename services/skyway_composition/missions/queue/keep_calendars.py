@@ -1,5 +1,7 @@
 """Looks after the calendars of drones: every QUEUED mission begins, moves, or is given up.
 
+Provisional promises of QUEUED missions become firm in time.
+
 The QUEUED missions of a drone out of service are given up, so that other drones fly them. The
 registry knows which drones are in maintenance, and which providers are suspended.
 
@@ -39,6 +41,7 @@ from skyway_composition.missions.queue import store
 from skyway_composition.missions.queue.move_queued import (
     drop,
     give_back_pads,
+    make_firm,
     move,
     send_next,
     shorten_standby,
@@ -54,6 +57,7 @@ from skyway_composition.missions.queue.plan_queue import (
     Shorten,
     Times,
     decide,
+    has_promise_to_make,
 )
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.networks.store import share_current
@@ -100,6 +104,7 @@ class Calendars:
         async with self.context.db.read() as connection:
             drone_ids = await store.drones_to_look_at(
                 connection,
+                now_ms=times.now_ms,
                 soon_ms=times.now_ms + times.send_ahead_ms,
                 hand_over_ms=times.hand_over_ms,
                 overdue_ms=times.now_ms - times.longest_wait_ms,
@@ -125,11 +130,17 @@ class Calendars:
         async with self.context.db.write() as tx:
             # I11: the world cannot change before the end of a transaction that sends a mission.
             present = await share_current(tx, seen[0].network_id)
-            work = await self._lock(drone_id, tx)
+            work = await MissionUnitOfWork.lock(self.context, tx, [drone_id])
             calendar = await _read(work, drone_id)
             if not calendar.queued or calendar.queued[0].network_id != seen[0].network_id:
                 return True
             following = calendar.queued[0]
+            now_ms = self.context.now_ms
+            due = [each for each in calendar.queued if has_promise_to_make(each, now_ms=now_ms)]
+            for each in due:
+                await make_firm(work, each)
+            if due:
+                return True
             decision = decide(
                 following,
                 before=calendar.before,
@@ -210,9 +221,6 @@ class Calendars:
         )
         if isinstance(decision, Send):
             await send_next(work, following)
-
-    async def _lock(self, drone_id: DroneId, tx: Tx) -> MissionUnitOfWork:
-        return await MissionUnitOfWork.lock(self.context, tx, [drone_id])
 
     def _times(self, drone_id: DroneId | None = None) -> Times:
         """The present times; for a drone, with the time that its plans need."""

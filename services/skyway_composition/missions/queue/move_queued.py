@@ -43,8 +43,24 @@ from skyway_composition.pads.store import give_way, hold, pads_of_queued
 _TOLERANCE: Final = timedelta(minutes=2)
 
 
+async def make_firm(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
+    """Promise the arrival times of a QUEUED mission's present plan, if its promise is not firm."""
+    if record.mission.firm_at is None:
+        return record
+    mission = record.mission.model_copy(update={"firm_at": None})
+    firm = replace(record, mission=mission, promised=mission.packages)
+    firm = report(work, firm, "PROMISED", mission=mission, free_from=free_from(firm))
+    await work.save(firm)
+    await store.save_promises(work.tx, firm)
+    return firm
+
+
 async def send_next(work: MissionUnitOfWork, record: MissionRecord) -> None:
-    """Send a QUEUED mission to its drone, which has no other mission now."""
+    """Send a QUEUED mission to its drone, which has no other mission now.
+
+    What is sent does not move any more, so its promise becomes firm.
+    """
+    record = await make_firm(work, record)
     await send_mission(work, replace(moved(record, "BOOKED"), planned_in=None))
 
 

@@ -4,7 +4,7 @@ They are planned one after the other, from where the drone is free.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Final
@@ -327,28 +327,34 @@ def problem_of(
     )
 
 
-def promised_ms(record: MissionRecord) -> Mapping[PackageId, int]:
-    """When each package was promised; when it is planned, if the promise was not stored."""
-    promised = {each.package_id: moment_to_ms(each.eta_at) for each in record.promised}
-    return {each: promised.get(each, at_ms) for each, at_ms in etas_ms(record).items()}
+def has_promise_to_make(record: MissionRecord, *, now_ms: int) -> bool:
+    """Whether the mission's provisional promise has to become firm by this moment."""
+    firm_at = record.mission.firm_at
+    return firm_at is not None and moment_to_ms(firm_at) <= now_ms
 
 
 def latest_ms(record: MissionRecord, *, tolerance_s: float) -> dict[PackageId, int]:
-    """The latest delivery of each package that another order may have.
+    """The latest delivery of each package that another order may have, if there is one.
 
-    It is the promise with the tolerance, or the present plan if that is later. A customer may allow
-    more (`may_be_later_s`), up to the deadline, but not for the others on a shared mission.
+    While the promise is provisional, only a deadline is a limit. Then it is the promise with the
+    tolerance, or the present plan if that is later. A customer may allow more (`may_be_later_s`),
+    up to the deadline, but not for the others on a shared mission.
     """
-    promised, planned = promised_ms(record), etas_ms(record)
+    promised, planned = record.promises, etas_ms(record)
     qos, tolerance_ms = record.request.qos, round(tolerance_s * 1000)
     allowed_ms = 0 if record.shares else round(qos.may_be_later_s * 1000)
     deadline_ms = math.inf if qos.deadline_at is None else moment_to_ms(qos.deadline_at)
+    if record.mission.firm_at is not None:
+        limits = {each: max(deadline_ms, at_ms) for each, at_ms in planned.items()}
+        return {each: round(at_ms) for each, at_ms in limits.items() if at_ms < math.inf}
 
     def latest(promise_ms: int, planned_ms: int) -> int:
         allowed = min(promise_ms + allowed_ms, deadline_ms)
         return round(max(promise_ms + tolerance_ms, allowed, planned_ms))
 
-    return {each: latest(promised[each], at_ms) for each, at_ms in planned.items()}
+    return {
+        each: latest(moment_to_ms(promised[each].eta_at), at_ms) for each, at_ms in planned.items()
+    }
 
 
 def etas_ms(record: MissionRecord) -> dict[PackageId, int]:

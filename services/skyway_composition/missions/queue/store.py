@@ -44,7 +44,8 @@ _next: Final = (
 )
 _before: Final = select(missions).where(is_live).subquery("before")
 _queued: Final = missions.alias("queued")
-_is_planned_in_another_world: Final = exists().where(
+#: A plan of an earlier network, or a provisional promise that has to become firm.
+_is_outdated: Final = exists().where(
     _queued.c.drone_id == _next.c.drone_id,
     # A literal: with a parameter PostgreSQL does not take the index of queued missions, and reads
     # all missions that ever were.
@@ -53,6 +54,7 @@ _is_planned_in_another_world: Final = exists().where(
     or_(
         networks.c.version != _queued.c.planned_version,
         networks.c.conditions != _queued.c.planned_conditions,
+        _queued.c.firm_ms <= bindparam("now_ms"),
     ),
 )
 #: The drones whose calendar may have to change.
@@ -69,7 +71,7 @@ TO_LOOK_AT: Final = (
                 _before.c.released_ms > _next.c.start_ms - bindparam("hand_over_ms"),
                 _before.c.proposal.is_(None),
             ),
-            _is_planned_in_another_world,
+            _is_outdated,
             # Its drone may be silent for ever.
             _next.c.start_ms < bindparam("overdue_ms"),
         )
@@ -78,16 +80,15 @@ TO_LOOK_AT: Final = (
 )
 
 
-async def drones_to_look_at(
-    connection: AsyncConnection, *, soon_ms: int, hand_over_ms: int, overdue_ms: int
-) -> list[DroneId]:
+async def drones_to_look_at(connection: AsyncConnection, **moments_ms: int) -> list[DroneId]:
     """The drones whose next mission may begin, does not fit, or has an outdated plan.
+
+    Also drones with a QUEUED mission whose promise becomes firm by `now_ms`.
 
     A mission may begin when its drone is idle and its start lies before `soon_ms`. Drones whose
     next mission should have begun before `overdue_ms` are found too.
     """
-    values = {"soon_ms": soon_ms, "hand_over_ms": hand_over_ms, "overdue_ms": overdue_ms}
-    found = await connection.execute(TO_LOOK_AT, values)
+    found = await connection.execute(TO_LOOK_AT, moments_ms)
     return list(found.scalars())
 
 
@@ -144,6 +145,7 @@ _HOSTS_AT: Final = (
     select(missions.c.mission_id, missions.c.pooling_at, missions.c.start_ms)
     .where(
         is_queued,
+        missions.c.firm_ms.is_(None),
         missions.c.network_id == bindparam("network_id"),
         in_list(missions.c.pooling_at, "station_ids"),
         in_list(missions.c.provider_id, "provider_ids"),
@@ -191,6 +193,8 @@ async def hosts_at(
     limit: int,
 ) -> list[MissionRecord]:
     """QUEUED missions of these providers with a pickup at these stations that may be shared.
+
+    Their promises are firm.
 
     At most `limit`. `ready_ms` says when the packages can be at each station, and is 0 for the
     request's own pickup. Missions at this pickup come first. Missions follow that start when the
@@ -240,7 +244,7 @@ async def _open_missions(connection: AsyncConnection, where: ColumnElement[bool]
 
 
 async def save_promises(tx: Tx, record: MissionRecord) -> None:
-    """Save the promised arrival times of a mission that carries packages of a new guest."""
+    """Save the promised arrival times of a mission."""
     await tx.execute(
         update(missions)
         .where(missions.c.mission_id == record.mission_id)

@@ -22,7 +22,7 @@ from skyway_composition.missions.mission.store import save_request
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report_left
 from skyway_composition.missions.queue import store
 from skyway_composition.missions.queue.dispatching.fleet import Calendar, Fleet, Moments
-from skyway_composition.missions.queue.dispatching.merger import Merge, promises_of
+from skyway_composition.missions.queue.dispatching.merger import Merge
 from skyway_composition.missions.queue.dispatching.plan_orders import Judgement
 from skyway_composition.missions.queue.move_queued import give_back_pads, move
 from skyway_composition.missions.queue.plan_queue import Moved
@@ -87,7 +87,10 @@ async def adopt(context: Context, tx: Tx, better: BetterOrder) -> None:
         await _save(work, calendar, moved, waiting, better.world, times=times)
     for drone_id in drone_ids:
         await restore_pads(tx, drone_id)
-        await _restore_standby(work, fleet.calendars[drone_id], better.moved[drone_id])
+        waited = fleet.calendars[drone_id].waiting
+        # The drone's last mission may be followed by none now: its standby is planned again.
+        if waited and not better.moved[drone_id]:
+            await restore_standby(work, waited[-1])
 
 
 async def _end_guests(work: MissionUnitOfWork, merge: Merge) -> None:
@@ -126,14 +129,6 @@ async def _save(
         mission_id = each.record.mission_id
         await move(work, each, world.skyway, earlier=waiting[mission_id], before=before)
         before.append(mission_id)
-
-
-async def _restore_standby(
-    work: MissionUnitOfWork, calendar: Calendar, moved: Sequence[Moved]
-) -> None:
-    """Have the standby of the drone's last mission planned again if no mission follows it now."""
-    if not moved and calendar.waiting:
-        await restore_standby(work, calendar.waiting[-1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +173,7 @@ class JoinedTrip:
         """
         await adopt(context, tx, self.better)
         record = self.record
-        promised = promises_of(self.host_before)
+        promised = self.host_before.promises
         new = [each for each in record.mission.packages if each.package_id in self.guest.packages]
         record = replace(record, promised=(*promised.values(), *new))
         await save_request(tx, record)

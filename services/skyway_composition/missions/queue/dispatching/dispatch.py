@@ -42,6 +42,7 @@ from skyway_composition.missions.queue.dispatching.search_process import (
     SearchFailed,
     SearchProcess,
 )
+from skyway_composition.missions.queue.plan_queue import has_promise_to_make
 from skyway_composition.pads.store import booked_everywhere
 from skyway_composition.planning.world import World
 
@@ -62,15 +63,8 @@ _SAME_AGAIN: Final = ("kept", "no plan", "promise", "no gain")
 _MOST_SEARCHES: Final = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Broken:
-    """An order that breaks promises, and the drones that break them."""
-
-    late: frozenset[DroneId]
-
-
-#: What became of one search.
-Found = BetterOrder | Broken | NotBetter
+#: What became of one search; drones that break promises with its order.
+Found = BetterOrder | frozenset[DroneId] | NotBetter
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +106,10 @@ class OrderFinder:
         skyway = await self.context.networks.current(network_id)
         world = await World.of(skyway, self.context.db, after_ms=times.now_ms)
         fleet = free_to_take_off(await self._fleet(network_id, provider_id, times), world, times)
-        # Calendars of an earlier network or closure are planned again first, without this search.
-        if not _can_improve(fleet) or not fleet.is_planned_in(world.present):
+        # Calendars of an earlier network or closure are planned again first, and promises that have
+        # to be firm by now become firm, without this search.
+        has_promises = any(has_promise_to_make(each, now_ms=times.now_ms) for each in fleet.waiting)
+        if not _can_improve(fleet) or has_promises or not fleet.is_planned_in(world.present):
             return "unsearched"
         if self._searched.get((network_id, provider_id)) == fleet.orders:
             return "unsearched"
@@ -136,10 +132,10 @@ class OrderFinder:
                 # An order without new shared trips may be better than the present one.
                 pools = False
                 continue
-            if not isinstance(found, Broken):
+            if not isinstance(found, frozenset):
                 return found
             # The drones that break promises keep their calendars in the next search.
-            fleet = fleet.only(fleet.calendars.keys() - found.late)
+            fleet = fleet.only(fleet.calendars.keys() - found)
             if not _can_improve(fleet):
                 break
         return "promise"
@@ -244,7 +240,7 @@ class OrderFinder:
         guests = [guest for each in order.merges for guest in each.guests]
         judgement = judge(changes, tolerance_s=self.terms.tolerance_s, guests=guests)
         if judgement.late:
-            return Broken(judgement.late)
+            return judgement.late
         if not judgement.is_better:
             return "no gain"
         return BetterOrder(affected, world, times, moved, judgement, order.merges)

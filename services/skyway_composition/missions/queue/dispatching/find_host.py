@@ -33,7 +33,7 @@ from skyway_composition.missions.queue.dispatching.dispatch import free_to_take_
 from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments, fleet_of
 from skyway_composition.missions.queue.dispatching.merger import Guest, carrying
 from skyway_composition.missions.queue.dispatching.plan_orders import judge, plan_orders
-from skyway_composition.missions.queue.plan_queue import latest_ms
+from skyway_composition.missions.queue.plan_queue import etas_ms, latest_ms
 from skyway_composition.planning.offer import Offer, Offers
 from skyway_composition.planning.world import World
 
@@ -89,8 +89,7 @@ class _Pickups:
         """Whether all promises of the host allow it to start when the packages are there."""
         later_ms = self._there_ms(host.request.pickup.station_id) - host.start.at_ms
         latest = latest_ms(host, tolerance_s=tolerance_s)
-        etas_ms = {each.package_id: moment_to_ms(each.eta_at) for each in host.mission.packages}
-        return all(at_ms + later_ms <= latest[each] for each, at_ms in etas_ms.items())
+        return all(at_ms + later_ms <= latest[each] for each, at_ms in etas_ms(host).items())
 
     def near(self, pickup: StationId) -> NearPickup | None:
         """What the guest's share notes about this pickup; None for the request's own pickup."""

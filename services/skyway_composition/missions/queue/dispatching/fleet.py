@@ -1,8 +1,8 @@
 """A fleet: the calendars of one provider's drones in one network, with what may still move."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
+from itertools import groupby, takewhile
 
 from skyway.contracts.candidate import Candidate
 from skyway.ids import DroneId, MissionId
@@ -136,7 +136,8 @@ def _calendar_of(
     """The calendar of a drone; None if it cannot be planned now."""
     live = next((each for each in own if each.is_live), None)
     queued = [each for each in own if not each.is_live]
-    kept = tuple(_settled(queued, times))
+    # Missions that begin too soon to move.
+    kept = tuple(takewhile(lambda each: each.start.at_ms <= times.last_kept_ms, queued))
     waiting = tuple(queued[len(kept) :])
     before = kept[-1] if kept else live
     here = None
@@ -151,14 +152,6 @@ def _calendar_of(
     stays = () if before is None else before.stays
     calendar = Calendar(own[0].candidate, live, kept, waiting, stays, here, version)
     return None if calendar.slot(not_before_ms=0, times=times) is None else calendar
-
-
-def _settled(queued: Iterable[MissionRecord], times: Moments) -> Iterator[MissionRecord]:
-    """The QUEUED missions that begin too soon to move."""
-    for each in queued:
-        if each.start.at_ms > times.last_kept_ms:
-            return
-        yield each
 
 
 def _standing(link: DroneLink | None, times: Moments) -> Slot | None:

@@ -136,7 +136,7 @@ def _request(
         pickup_latest_s=seconds(asked.latest_pickup_at),
         deadline_s=seconds(deadline_at),
         # The end of the tolerance, so that the search needs no tolerance of its own.
-        promised_s=(max(latest.values()) - base_ms) / 1000 + later_s,
+        promised_s=(max(latest.values()) - base_ms) / 1000 + later_s if latest else None,
         pooling=pooling,
         weight=weight_of(record),
         planned=CurrentTrip(

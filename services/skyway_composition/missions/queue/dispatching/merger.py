@@ -109,15 +109,10 @@ def share_of(record: MissionRecord) -> Share:
     )
 
 
-def promises_of(record: MissionRecord) -> dict[PackageId, PackageEta]:
-    """When each package was promised; when it is planned, if the promise was not stored."""
-    promised = {each.package_id: each for each in record.mission.packages}
-    return promised | {each.package_id: each for each in record.promised}
-
-
 def may_merge(record: MissionRecord) -> bool:
     """Whether a waiting mission may carry packages of others, or be carried by another mission."""
     has_room = len(record.shares) < MOST_SHARES and record.mission.trip == 1
+    has_room = has_room and record.mission.firm_at is None
     return has_room and record.may_be_shared and not record.aims
 
 
@@ -149,12 +144,12 @@ def _merge(records: Sequence[MissionRecord], drone_id: DroneId) -> Merge:
     host, *others = sorted(
         records, key=lambda each: (_may_be_guest(each), each.drone_id != drone_id, each.mission_id)
     )
-    host = replace(host, promised=tuple(promises_of(host).values()))
+    host = replace(host, promised=tuple(host.promises.values()))
     guests = []
     for each in filter(_may_be_guest, others):
         together = carrying(host, _guest_of(each))
         if together is not None:
-            host = replace(together, promised=(*host.promised, *_flying(each, promises_of(each))))
+            host = replace(together, promised=(*host.promised, *_flying(each, each.promises)))
             guests.append(each)
     return Merge(host, tuple(guests))
 

@@ -196,7 +196,8 @@ class OrderPlanner:
     async def _add_next(self, row: _Row) -> NoTrip | None:
         """Plan the service of the drone's next mission; why there is none."""
         following = row.following.pop(0)
-        if row.planned and self._has_gap(row.planned[-1].record, following):
+        from_ms = following.earliest_ms - self.times.hand_over_ms
+        if row.planned and row.planned[-1].record.served_ms < from_ms:
             # The drone charges before this mission, so the standby is planned first.
             reason = await self._add_standby(row)
             if reason is not None:
@@ -218,9 +219,6 @@ class OrderPlanner:
         )
         self._add(row, record, trip, slot)
         return None
-
-    def _has_gap(self, before: MissionRecord, following: MissionRecord) -> bool:
-        return following.earliest_ms > before.served_ms + self.times.hand_over_ms
 
     async def _service(self, row: _Row, record: MissionRecord) -> tuple[Plan, Slot] | NoTrip:
         """The plan of the drone's next service, and where, when and with what charge it begins."""

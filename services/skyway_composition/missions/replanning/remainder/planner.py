@@ -85,7 +85,8 @@ class RemainderPlanner:
         A drone in the air that must stand before it can continue lands elsewhere first.
         """
         found = await self._plan_standing(anchor, trouble)
-        if not anchor.is_in_the_air or _is_temporary(found):
+        is_temporary = isinstance(found, NoTrip) and found.is_temporary
+        if not anchor.is_in_the_air or is_temporary:
             return found
         if isinstance(found, Remainder) and begins_with_flight(found.trip):
             return found
@@ -263,10 +264,6 @@ def _aimed_at(package: Package, station_id: StationId) -> Package:
         return package
     elsewhere = {"destination": Place(station_id=station_id)}
     return package.model_copy(update={**elsewhere, "not_before_at": None, "latest_at": None})
-
-
-def _is_temporary(found: Remainder | NoTrip) -> bool:
-    return isinstance(found, NoTrip) and found.is_temporary
 
 
 def aims_to_try(

@@ -25,6 +25,7 @@ def make_record(
     promised_min: float,
     drone: str = "drn_1",
     energy_kwh: float = 0.0,
+    firm_at: datetime | None = None,
     **qos: Any,
 ) -> MissionRecord:
     """A waiting mission with one package; minutes count from noon."""
@@ -38,6 +39,7 @@ def make_record(
         "mission_id": "msn_1",
         "drone_id": drone,
         "packages": etas(eta_min),
+        "firm_at": firm_at,
         "plan": Plan.model_construct(status=PlanStatus.OPTIMAL, energy_j=energy_kwh * 3.6e6),
     }
     mission = Mission.model_construct(**members)
@@ -133,6 +135,24 @@ def test_a_customer_may_allow_more_than_the_tolerance_but_not_after_the_deadline
     after = make_record(eta_min=new_min, promised_min=60, **qos)
 
     assert bool(judge([(before, after)], tolerance_s=60).late) == is_late
+
+
+@pytest.mark.parametrize(
+    ("qos", "new_min", "is_late"),
+    [
+        ({}, 600, False),
+        ({"deadline_at": _NOON + timedelta(minutes=90)}, 90, False),
+        ({"deadline_at": _NOON + timedelta(minutes=90)}, 90.1, True),
+    ],
+)
+def test_only_a_deadline_limits_a_delivery_whose_promise_is_provisional(
+    qos: dict[str, Any], new_min: float, is_late: bool
+) -> None:
+    before, after = (
+        make_record(eta_min=each, promised_min=60, firm_at=_NOON, **qos) for each in (60, new_min)
+    )
+
+    assert bool(judge([(before, after)], tolerance_s=0).late) == is_late
 
 
 def test_on_a_shared_mission_no_customer_allows_lateness_for_the_others() -> None:
