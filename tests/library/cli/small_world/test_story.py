@@ -136,7 +136,7 @@ async def test_a_place_on_the_way_closes_and_opens_again(
 
 
 async def test_a_chapter_is_tried_again_before_the_next_one(
-    story_of: Any, clock: FreeClock, said: list[str]
+    story_of: Any, clock: FreeClock, said: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gateway = FakeGateway([mission("msn_1", "live-oak", "converse", "china-grove")], affected=0)
 
@@ -150,7 +150,7 @@ async def test_a_chapter_is_tried_again_before_the_next_one(
         if len(said) > 2:
             raise EndedStory
 
-    clock.sleep_until = sleep_until  # type: ignore[method-assign]
+    monkeypatch.setattr(clock, "sleep_until", sleep_until)
 
     with pytest.raises(EndedStory):
         await story_of(gateway).run()
