@@ -234,13 +234,11 @@ def _figures(group: Sequence[Promised]) -> tuple[str, str, str]:
 
 def draw(found: Mapping[tuple[str, Order], Sequence[Promised]], path: Path) -> None:
     """A figure of the coverage: groups of bars by kind of day and by number of recharges."""
-    groups = [
-        name.replace(" recharge", "\nrecharge") for name in coverage(next(iter(found.values())))
-    ]
+    groups = [name.partition(" recharge")[0] for name in coverage(next(iter(found.values())))]
     draw_groups(
         path,
         "Packages that came by their P90",
-        x=Axis("kind of day, and recharges of the plan"),
+        x=Axis("kind of day, and number of recharges of the plan"),
         y=Axis("share of the packages, %"),
         groups=groups,
         bars=[

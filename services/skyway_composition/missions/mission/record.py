@@ -171,8 +171,7 @@ class MissionRecord:
     @property
     def promises(self) -> dict[PackageId, PackageEta]:
         """When each package was promised; when it is planned, if the promise was not stored."""
-        both = (*self.mission.packages, *self.promised)
-        return {each.package_id: each for each in both}
+        return {each.package_id: each for each in (*self.mission.packages, *self.promised)}
 
     @property
     def delivery_ids(self) -> tuple[DeliveryId, ...]:

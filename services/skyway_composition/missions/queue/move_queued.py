@@ -56,10 +56,7 @@ async def make_firm(work: MissionUnitOfWork, record: MissionRecord) -> MissionRe
 
 
 async def send_next(work: MissionUnitOfWork, record: MissionRecord) -> None:
-    """Send a QUEUED mission to its drone, which has no other mission now.
-
-    What is sent does not move any more, so its promise becomes firm.
-    """
+    """Send a QUEUED mission to its drone, which has no other mission; its promise becomes firm."""
     record = await make_firm(work, record)
     await send_mission(work, replace(moved(record, "BOOKED"), planned_in=None))
 

@@ -63,8 +63,12 @@ _SAME_AGAIN: Final = ("kept", "no plan", "promise", "no gain")
 _MOST_SEARCHES: Final = 3
 
 
-#: What became of one search; drones that break promises with its order.
-Found = BetterOrder | frozenset[DroneId] | NotBetter
+class BrokenBy(frozenset[DroneId]):
+    """The drones that break promises in an order."""
+
+
+#: What became of one search.
+Found = BetterOrder | BrokenBy | NotBetter
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +136,7 @@ class OrderFinder:
                 # An order without new shared trips may be better than the present one.
                 pools = False
                 continue
-            if not isinstance(found, frozenset):
+            if not isinstance(found, BrokenBy):
                 return found
             # The drones that break promises keep their calendars in the next search.
             fleet = fleet.only(fleet.calendars.keys() - found)
@@ -240,7 +244,7 @@ class OrderFinder:
         guests = [guest for each in order.merges for guest in each.guests]
         judgement = judge(changes, tolerance_s=self.terms.tolerance_s, guests=guests)
         if judgement.late:
-            return judgement.late
+            return BrokenBy(judgement.late)
         if not judgement.is_better:
             return "no gain"
         return BetterOrder(affected, world, times, moved, judgement, order.merges)
