@@ -6,6 +6,7 @@ published: a published instance with few chargers, solved in the same way.
 standbys: where idle drones wait, without a search.
 small: random fleets of two drones, beside every order.
 promises: the mean of the rolling hour by when a promise is firm, and by its width.
+providers: three fleets of three drones, each searched alone or all searched together.
 
 docs/dispatch.md says how the cases are drawn, and holds the results.
 """
@@ -20,6 +21,7 @@ from types import MappingProxyType
 
 from skyway_lab.benchmarks.dispatch.peers import Order, planned_in_order, present_peers
 from skyway_lab.benchmarks.dispatch.promises import promises
+from skyway_lab.benchmarks.dispatch.providers import providers
 from skyway_lab.benchmarks.dispatch.published import published_fleet
 from skyway_lab.benchmarks.dispatch.small import small
 from skyway_lab.benchmarks.dispatch.standbys import standbys
@@ -135,6 +137,7 @@ PARTS: Mapping[str, Callable[[argparse.Namespace], Iterator[Table]]] = MappingPr
         "published": published,
         "standbys": lambda sizes: standbys(seeds=sizes.seeds),
         "promises": lambda sizes: promises(_chosen(sizes), seeds=sizes.seeds, figure=sizes.figure),
+        "providers": lambda sizes: providers(seeds=sizes.seeds),
         "small": lambda sizes: small(sizes.fleets, budget_s=sizes.minute_s),
     }
 )
