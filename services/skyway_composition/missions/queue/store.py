@@ -80,15 +80,17 @@ TO_LOOK_AT: Final = (
 )
 
 
-async def drones_to_look_at(connection: AsyncConnection, **moments_ms: int) -> list[DroneId]:
+async def drones_to_look_at(
+    connection: AsyncConnection, *, now_ms: int, soon_ms: int, hand_over_ms: int, overdue_ms: int
+) -> list[DroneId]:
     """The drones whose next mission may begin, does not fit, or has an outdated plan.
 
-    Also drones with a QUEUED mission whose promise becomes firm by `now_ms`.
-
-    A mission may begin when its drone is idle and its start lies before `soon_ms`. Drones whose
-    next mission should have begun before `overdue_ms` are found too.
+    Also drones with a QUEUED mission whose promise becomes firm by `now_ms`. A mission may begin
+    when its drone is idle and its start lies before `soon_ms`. Drones whose next mission should
+    have begun before `overdue_ms` are found too.
     """
-    found = await connection.execute(TO_LOOK_AT, moments_ms)
+    moments = {"now_ms": now_ms, "soon_ms": soon_ms, "hand_over_ms": hand_over_ms}
+    found = await connection.execute(TO_LOOK_AT, moments | {"overdue_ms": overdue_ms})
     return list(found.scalars())
 
 
