@@ -43,7 +43,7 @@ def _stage(browser: Browser, world: RecordedWorld, role: str, screen: Screen) ->
     # The views were read one after the other, and each read the clock: one moment holds for all.
     answers["/v1/clock"] = {"now": world.now, "rate": world.rate}
     staged = StagedPage(browser, answers, context=context)
-    staged.page.clock.set_fixed_time(world.wall_ms)
+    staged.page.clock.set_fixed_time(world.wall_ms / 1000)
     return staged
 
 
