@@ -14,12 +14,12 @@ const isOff = (share) => share !== null && (share < LEAST || share > MOST);
 const shareText = ({p90_share: share, packages}) =>
   share === null ? "" : `${(share * 100).toFixed(1)} % of ${packages}`;
 
-const WEATHER_WORDS = {CALM: "calm", WINDY: "windy", STORMY: "stormy", COLD: "cold"};
+const WEATHER_WORDS = {CALM: "Calm", WINDY: "Windy", STORMY: "Stormy", COLD: "Cold"};
 const KNOWN_WORDS = {FORECAST: "by the forecast", MEASURED: "by drones in flight"};
 const RECHARGES = [0, 1, 2, 3];
 
 const groupTitle = ({weather, known_by: knownBy}) =>
-  weather === null ? "not known" : `${WEATHER_WORDS[weather]}, ${KNOWN_WORDS[knownBy]}`;
+  weather === null ? "Not known" : `${WEATHER_WORDS[weather]}, ${KNOWN_WORDS[knownBy]}`;
 
 const rechargesText = (number) =>
   number === 3 ? "3 or more recharges" : `${number} recharge${number === 1 ? "" : "s"}`;
@@ -40,6 +40,7 @@ function Cell({label, groups}) {
 function Groups({groups}) {
   const titles = [...new Set(groups.map(groupTitle))];
   return html`
+    <h3>By weather and recharges</h3>
     <div class="table"><table class="as-cards" aria-label="By weather and recharges">
       <thead><tr><th>Weather</th><th>All</th>
         ${RECHARGES.map((each) => html`<th key=${each}>${rechargesText(each)}</th>`)}</tr></thead>
