@@ -52,8 +52,10 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     rate = metafunc.definition.get_closest_marker("fleet_rate")
     fleet_rate = rate.args[0] if rate else LocalSystem.rate
     named = metafunc.definition.get_closest_marker("system_name")
-    parts = [name, f"{fleet_rate:g}", *(named.args if named else ())]
-    system = pytest.param((name, fleet_rate), id="-".join(parts), marks=PAIRS[name])
+    names = named.args if named else ()
+    parts = [name, f"{fleet_rate:g}", *names]
+    # Systems are the same if their parameters are equal, whatever their ids are.
+    system = pytest.param((name, fleet_rate, *names), id="-".join(parts), marks=PAIRS[name])
     metafunc.parametrize("running_system", [system], indirect=True, scope="package")
 
 
@@ -65,7 +67,7 @@ def running_system(
 
     After the last of these tests, the databases must break no rule of `skyway verify`.
     """
-    pair, rate = request.param
+    pair, rate, *_ = request.param
     folder = DataFolder(tmp_path_factory.mktemp("system") / "data")
     folder.make()
     environment = {

@@ -18,6 +18,8 @@ pytestmark = [pytest.mark.integration, pytest.mark.long, needs_browser]
 SAME = 40
 #: The largest share of pixels that may differ.
 MOST_DIFFERENT = 0.01
+#: On a busy machine a map may say that it is drawn before all of it is.
+MOST_TAKEN = 3
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +41,12 @@ def difference(one: Image.Image, other: Image.Image) -> float:
 @pytest.mark.parametrize("view", VIEWS)
 def test_a_view_looks_as_in_its_picture(browser: Browser, view: str, name: str) -> None:
     with Image.open(PICTURES / f"{view}-{name}.png") as committed:
-        taken = picture_of(browser, recorded_world(), view, SCREENS[name])
-        assert difference(committed, taken) <= MOST_DIFFERENT
+
+        def looks_the_same() -> bool:
+            taken = picture_of(browser, recorded_world(), view, SCREENS[name])
+            return difference(committed, taken) <= MOST_DIFFERENT
+
+        assert any(looks_the_same() for _ in range(MOST_TAKEN))
 
 
 def test_a_button_that_is_gone_is_seen() -> None:

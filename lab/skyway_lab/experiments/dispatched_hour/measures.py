@@ -111,15 +111,17 @@ def improve(curve: PlanSearch) -> Improvement:
     elapsed_s = processor_stopwatch()
     search = begun(problem, seed=curve.seed)
     per_min = 60.0 * len(problem.requests)
-    found: list[tuple[float, float]] = []
+    found: dict[int, tuple[float, float]] = {}
 
     def is_over(made: int) -> bool:
-        if made in curve.rounds:
-            found.append((search.best.costs.delivery_s / per_min, elapsed_s()))
+        if made in curve.rounds and made not in found:
+            found[made] = search.best.costs.delivery_s / per_min, elapsed_s()
         return made >= curve.rounds[-1]
 
     search.run(is_over)
-    means_min, times_s = zip(*found, strict=True)
+    # What is proven before the last round does not change any more.
+    end = search.best.costs.delivery_s / per_min, elapsed_s()
+    means_min, times_s = zip(*(found.get(each, end) for each in curve.rounds), strict=True)
     return Improvement(
         search.arrival.costs.delivery_s / per_min,
         means_min,
