@@ -54,7 +54,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     named = metafunc.definition.get_closest_marker("system_name")
     names = named.args if named else ()
     parts = [name, f"{fleet_rate:g}", *names]
-    # Systems are the same if their parameters are equal, whatever their ids are.
+    # Equal parameters are one system, also with different ids.
     system = pytest.param((name, fleet_rate, *names), id="-".join(parts), marks=PAIRS[name])
     metafunc.parametrize("running_system", [system], indirect=True, scope="package")
 

@@ -1,6 +1,6 @@
 """What one search over the fleets of three providers brings, against a search of each fleet.
 
-A request goes to the drone that delivers it first, whoever owns the drone, as a booking does. Then
+A request goes to the drone that delivers it first, of any provider, as a booking does. Then
 each provider's trips are searched alone, or the trips of all providers together. Three drones of
 each provider have 36 requests within an hour, as many for each drone as in the larger cases.
 """
