@@ -27,6 +27,7 @@ from skyway_gateway.access.recognise import AllKeys, CachedKeys, DroneKeys, Keys
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
 from skyway_gateway.clients import Composition, NetworkFinder, RestRegistry, RoutedComposition
 from skyway_gateway.console.console_files import BaseMap
+from skyway_gateway.console.page_routes import BASE_MAP_PATH, CONSOLE_PATH
 from skyway_gateway.console.system_routes import SmallWorld
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.booking.wake_waiting import Waker
@@ -145,7 +146,8 @@ def build_parts(
             meters,
             open_calls(),
             refused_logins,
-            open_paths=(TRACKING_PATHS, UPLOAD_PATHS),
+            # A page of the console is more than a hundred files: ten each would be too dear.
+            open_paths=(TRACKING_PATHS, UPLOAD_PATHS, CONSOLE_PATH, BASE_MAP_PATH),
             code_calls=("POST /v1/sessions",),
         ),
         refused_logins=refused_logins,

@@ -8,6 +8,8 @@ from typing import Any
 import httpx
 import pytest
 from skyway_gateway.access.recognise import AllKeys
+from skyway_gateway.console.console_files import console_files
+from skyway_gateway.settings import GatewaySettings
 
 from skyway.runtime.http.delays import Brake
 from skyway.runtime.http.entrance import Meters
@@ -278,6 +280,22 @@ async def test_an_address_pays_for_the_bytes_of_its_answers(gateway: Gateway) ->
 
     spent = 100 - gateway.parts.meters.addresses.read("127.0.0.1").left
     assert spent >= 10 + len(answer.content) // (64 * 1024) - 1
+
+
+async def test_forty_people_behind_one_address_can_open_the_console_together(
+    gateway: Gateway,
+) -> None:
+    burst: int = GatewaySettings.model_fields["address_requests_burst"].default
+    limit(gateway, addresses=burst)
+    still = replace(gateway.parts.entrance, now=lambda: 0.0)
+    object.__setattr__(gateway.parts, "entrance", still)
+    page = ["/console", *(f"/console/{path}" for path in console_files() if path != "index.html")]
+
+    for path in page:
+        answer = await gateway.http.get(path, headers={"Accept-Encoding": "gzip"})
+        assert answer.status_code == 200, path
+
+    assert gateway.parts.meters.addresses.spent("127.0.0.1") <= burst / 40
 
 
 async def test_of_requests_that_wait_the_tenant_that_has_spent_least_begins_first(
