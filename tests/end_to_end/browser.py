@@ -48,10 +48,12 @@ def log_out(browser: Browser) -> None:
 
 
 def rest(context: BrowserContext) -> None:
-    """Close all pages and leave an empty one."""
-    *others, last = context.pages
-    last.route(f"**{_RESTING}", lambda route: route.fulfill(content_type="text/html", body=""))
-    last.goto(urljoin(last.url, _RESTING))
+    """Leave an empty page, and close all others."""
+    others = list(context.pages)
+    # A page that a story has used may still go elsewhere by itself.
+    empty = context.new_page()
+    empty.route(f"**{_RESTING}", lambda route: route.fulfill(content_type="text/html", body=""))
+    empty.goto(urljoin(others[-1].url, _RESTING))
     for page in others:
         page.close()
 
