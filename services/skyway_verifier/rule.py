@@ -59,9 +59,9 @@ class Survey:
         rows: Iterable[Sequence[object]] = await self.connection.exec_driver_sql(statement)
         return [tuple(map(str, row)) for row in rows]
 
-    async def rows(self, query: Executable) -> list[AnyRow]:
-        """All rows of a query."""
-        return list(await self.connection.execute(query))
+    async def rows(self, query: Executable, **parameters: int) -> list[AnyRow]:
+        """All rows of a query, with these values of its parameters."""
+        return list(await self.connection.execute(query, parameters))
 
     def each(self, query: Executable) -> AsyncIterator[AnyRow]:
         """The rows of a query one by one, for queries with more rows than fit into memory."""

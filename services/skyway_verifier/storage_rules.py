@@ -15,6 +15,7 @@ from sqlalchemy import (
     BigInteger,
     Column,
     ColumnElement,
+    CompoundSelect,
     Float,
     ForeignKeyConstraint,
     MetaData,
@@ -22,6 +23,7 @@ from sqlalchemy import (
     Table,
     Text,
     and_,
+    bindparam,
     cast,
     exists,
     func,
@@ -242,18 +244,24 @@ def later_than(
     """The rows with one of these moments after the latest one; none if that is not known."""
     by_table = [(table, [*of]) for table, of in groupby(columns, lambda each: each.table)]
 
-    async def find(survey: Survey) -> set[str]:
-        if (latest := latest_ms(survey)) is None:
-            return set()
-        return {
-            str(row[0])
-            for table, moments in by_table
-            for row in await survey.rows(
+    @cache
+    def late_rows() -> CompoundSelect[Any]:
+        return union_all(
+            *(
                 select(literal(f"{table.name} ") + _joined(table.primary_key)).where(
-                    or_(*(each > latest for each in moments)), *conditions, *_is_live(table)
+                    or_(*(each > bindparam("latest_ms") for each in moments)),
+                    *conditions,
+                    *_is_live(table),
                 )
+                for table, moments in by_table
             )
-        }
+        )
+
+    async def find(survey: Survey) -> set[str]:
+        if not by_table or (latest := latest_ms(survey)) is None:
+            return set()
+        rows = await survey.rows(late_rows(), latest_ms=latest)
+        return {str(row[0]) for row in rows}
 
     return find
 
