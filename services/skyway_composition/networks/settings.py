@@ -126,6 +126,14 @@ class NetworkSettings(JsonModel):
         ),
     ] = 8
 
+    joint_dispatch: Annotated[
+        bool,
+        Field(
+            description="Whether the dispatcher plans the drones of all providers together that "
+            "exchange deliveries (`exchanges_deliveries`)."
+        ),
+    ] = False
+
     def hand_over_s(self, packages: Iterable[Package]) -> float:
         """Planned time of each hand-over if these packages are delivered on one trip, seconds."""
         needs_proof = any(each.dropoff_verification is not None for each in packages)

@@ -271,9 +271,13 @@ def new_mission(
 
 
 def flown_by(record: MissionRecord, candidate: Candidate) -> MissionRecord:
-    """A QUEUED mission with another drone of the same provider; its price stays."""
-    drone = {"drone_id": candidate.drone_id, "drone_model_id": candidate.model.model_id}
-    names = ("drone_id", "model", "home_station_id", "standby", "learned")
+    """A QUEUED mission with another drone; its price and its terms stay."""
+    drone = {
+        "provider_id": candidate.provider_id,
+        "drone_id": candidate.drone_id,
+        "drone_model_id": candidate.model.model_id,
+    }
+    names = ("provider_id", "drone_id", "model", "home_station_id", "standby", "learned")
     changed = {name: getattr(candidate, name) for name in names}
     return replace(
         record,

@@ -101,11 +101,15 @@ async def drones_with_queue(connection: AsyncConnection) -> list[DroneId]:
 
 
 async def save_start(tx: Tx, mission_id: MissionId, candidate: Candidate) -> None:
-    """Save which drone flies a QUEUED mission that was planned again, and from where."""
+    """Save which provider's drone flies a QUEUED mission that was planned again, from where."""
     await tx.execute(
         update(missions)
         .where(missions.c.mission_id == mission_id)
-        .values(drone_id=candidate.drone_id, candidate=candidate.model_dump_json())
+        .values(
+            provider_id=candidate.provider_id,
+            drone_id=candidate.drone_id,
+            candidate=candidate.model_dump_json(),
+        )
     )
 
 
@@ -177,10 +181,12 @@ async def waiting_fleets(
 
 
 async def open_missions_of(
-    connection: AsyncConnection, network_id: NetworkId, provider_id: ProviderId
+    connection: AsyncConnection, network_id: NetworkId, provider_ids: Collection[ProviderId]
 ) -> OpenMissions:
-    """The missions of a provider in a network that are not over."""
-    is_of_fleet = and_(missions.c.network_id == network_id, missions.c.provider_id == provider_id)
+    """The missions of these providers in a network that are not over."""
+    is_of_fleet = and_(
+        missions.c.network_id == network_id, missions.c.provider_id.in_(provider_ids)
+    )
     return await _open_missions(
         connection, or_(and_(is_queued, is_of_fleet), and_(is_live, is_of_fleet))
     )

@@ -1,11 +1,12 @@
-"""A fleet: the calendars of one provider's drones in one network, with what may still move."""
+"""A fleet: calendars of drones in one network that are planned together, with what may move."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import groupby, takewhile
 
 from skyway.contracts.candidate import Candidate
-from skyway.ids import DroneId, MissionId
+from skyway.delivery.offer import Tariff
+from skyway.ids import DroneId, MissionId, ProviderId
 from skyway.scheduling.stays import Slot, Stay, slot_after
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.record import MissionRecord
@@ -75,9 +76,13 @@ class Calendar:
 
 @dataclass(frozen=True, slots=True)
 class Fleet:
-    """The calendars of drones whose waiting missions may be exchanged, by drone."""
+    """The calendars of drones whose waiting missions may be exchanged, by drone.
+
+    With drones of several providers, `tariffs` are those of the providers that exchange deliveries.
+    """
 
     calendars: Mapping[DroneId, Calendar]
+    tariffs: Mapping[ProviderId, Tariff] = field(default_factory=dict)
 
     @property
     def waiting(self) -> tuple[MissionRecord, ...]:
@@ -100,7 +105,7 @@ class Fleet:
     def only(self, drone_ids: Collection[DroneId]) -> "Fleet":
         """The calendars of these drones."""
         kept = {key: each for key, each in self.calendars.items() if key in drone_ids}
-        return Fleet(kept)
+        return replace(self, calendars=kept)
 
 
 def fleet_of(
