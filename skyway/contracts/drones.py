@@ -2,8 +2,8 @@
 
 The gateway asks the registry whose key was shown, and how many drones a provider may have. All
 services ask with which key a drone signs. Composition asks which drones may not begin a mission,
-which providers exchange deliveries, and how many drones a network has. The registry asks composition to raise alarms, and reports
-renewed credentials.
+which providers exchange deliveries, and how many drones a network has. The registry asks
+composition to raise alarms, and reports renewed credentials.
 """
 
 from typing import Annotated, Final

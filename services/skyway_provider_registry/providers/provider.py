@@ -33,9 +33,9 @@ _STANDBY: Final = (
     "that is expected from its provider's last requests. A drone may have its own setting"
 )
 _EXCHANGES: Final = (
-    "whether its drones may fly deliveries of other providers that exchange too, and theirs may fly "
-    "its own, in networks with `joint_dispatch` and if the customer allows it. The provider that "
-    "flies a delivery gets its agreed price, which is never below its own tariff"
+    "whether providers that exchange deliveries may fly its own, and its drones may fly theirs, in "
+    "networks with `joint_dispatch` and if the customer allows it. The provider that flies a "
+    "delivery gets its agreed price, which is never below what its own tariff asks"
 )
 
 

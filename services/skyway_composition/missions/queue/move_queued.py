@@ -171,7 +171,7 @@ def _report_times(
             share.mission_id: _kind(shifts[each] for each in share.packages if each in shifts)
             for share in record.shares
         },
-        code="CALENDAR_CHANGED",
+        code="PROVIDER_CHANGED" if is_exchanged else "CALENDAR_CHANGED",
         detail=_EXCHANGED if is_exchanged else _MOVED,
         etas=record.mission.packages,
         mission=record.mission,

@@ -113,25 +113,20 @@ class OrderFinder:
         """
         async with self.context.db.read() as connection:
             found = await store.waiting_fleets(connection, after_ms=self._times().last_kept_ms)
-        fleets: list[Searched] = []
+        fleets: dict[Searched, None] = {}
         for network_id, rows in groupby(found, key=lambda each: each[0]):
-            alone = [provider_id for _, provider_id in rows]
-            tariffs = await self._exchanging(network_id, alone)
-            together = [each for each in alone if each in tariffs]
-            fleets += [(network_id, *together)] if together else []
-            fleets += [(network_id, each) for each in alone if each not in together]
-        for gone in self._searched.keys() - {*fleets}:
+            exchanging = await self._exchanging(network_id)
+            for _, provider_id in rows:
+                together = sorted(exchanging) if provider_id in exchanging else [provider_id]
+                fleets[network_id, *together] = None
+        for gone in self._searched.keys() - fleets.keys():
             del self._searched[gone]
-        return fleets
+        return [*fleets]
 
-    async def _exchanging(
-        self, network_id: NetworkId, provider_ids: Sequence[ProviderId]
-    ) -> Mapping[ProviderId, Tariff]:
-        """The tariffs of the providers that exchange deliveries, if some of these may."""
+    async def _exchanging(self, network_id: NetworkId) -> Mapping[ProviderId, Tariff]:
+        """The tariffs of the providers whose drones are planned together in a network."""
         skyway = await self.context.networks.current(network_id)
-        if len(provider_ids) < 2 or not skyway.settings.joint_dispatch:
-            return {}
-        return await self.tariffs()
+        return await self.tariffs() if skyway.settings.joint_dispatch else {}
 
     async def tariffs(self) -> Mapping[ProviderId, Tariff]:
         """The tariffs of all providers that exchange deliveries now."""
@@ -146,7 +141,8 @@ class OrderFinder:
         skyway = await self.context.networks.current(network_id)
         world = await World.of(skyway, self.context.db, after_ms=times.now_ms)
         fleet = await self._fleet(network_id, provider_ids, times)
-        fleet = replace(fleet, tariffs=await self._exchanging(network_id, provider_ids))
+        if len(provider_ids) > 1:
+            fleet = replace(fleet, tariffs=await self._exchanging(network_id))
         fleet = free_to_take_off(fleet, world, times)
         # Calendars of an earlier network or closure are planned again first, and promises that have
         # to be firm by now become firm, without this search.
