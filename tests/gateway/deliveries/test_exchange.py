@@ -10,7 +10,7 @@ from skyway.ids import DroneId, ProviderId
 from tests.broken_rules import broken_rules
 from tests.gateway.whole_gateway import Gateway, make_request
 
-_PEOPLE: Final = {"recipient": {"name": "Ana Ruiz", "phone": "+15125550100"}}
+_PEOPLE: Final[dict[str, Any]] = {"recipient": {"name": "Ana Ruiz", "phone": "+15125550100"}}
 
 
 async def listed(gateway: Gateway, provider_id: str, key: dict[str, str]) -> list[dict[str, Any]]:
@@ -34,8 +34,14 @@ async def exchanged(gateway: Gateway, delivery_id: str) -> dict[str, Any]:
     """Report that a drone of the provider prv_2 flies the booked delivery; returns what to send."""
     mission = gateway.composition.booked[delivery_id, 1]
     other = {"provider_id": ProviderId("prv_2"), "drone_id": DroneId("drn_of_2")}
-    of_other = {**other, "mission": mission.model_copy(update={**other, "state": "QUEUED"})}
-    why = {"code": "PROVIDER_CHANGED", "detail": "a drone of another provider flies it"}
+    of_other: dict[str, Any] = {
+        **other,
+        "mission": mission.model_copy(update={**other, "state": "QUEUED"}),
+    }
+    why: dict[str, Any] = {
+        "code": "PROVIDER_CHANGED",
+        "detail": "a drone of another provider flies it",
+    }
     answer = await gateway.report(
         delivery_id, "REPLANNED", seq=1, mission_state="QUEUED", **of_other, **why
     )

@@ -20,6 +20,7 @@ from skyway.contracts.flight_step import (
     WaitStep,
 )
 from skyway.contracts.mission import Mission, PackageEta
+from skyway.contracts.network_document import NetworkSettings
 from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, Recharge, Wait
 from skyway.delivery.verification import PlannedVerification
 from skyway.ids import DeliveryId, MissionId, PackageId, StationId
@@ -29,7 +30,6 @@ from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import PlacedStep, Trip
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.networks.store import Present
 from skyway_composition.planning.offer import Part
 from skyway_composition.planning.problem_for import margins_of

@@ -59,6 +59,18 @@ class BetterOrder:
             for before, after in self.changes
         )
 
+    @property
+    def refusing(self) -> frozenset[DroneId]:
+        """The drones that may not fly a mission as it is planned now."""
+        drones, network = self.fleet.calendars, self.world.skyway.network
+        return frozenset(
+            after.drone_id
+            for before, after in self.changes
+            if not self.fleet.may_fly(
+                before, drones[after.drone_id].candidate, after.mission.plan, network=network
+            )
+        )
+
     def judged(self, *, tolerance_s: float = 0.0, of: ProviderId | None = None) -> Judgement:
         """The judgement on all its missions, or on those that a provider had until now."""
         guests = [guest for each in self.merges for guest in each.guests]

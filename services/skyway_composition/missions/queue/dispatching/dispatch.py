@@ -8,15 +8,8 @@ from functools import partial
 from itertools import groupby
 from typing import Final, Literal
 
-from skyway.contracts.drones import (
-    EXCHANGING,
-    MOST_DRONES,
-    OUT_OF_SERVICE,
-    ExchangingProviders,
-    OutOfServiceAnswer,
-    OutOfServiceQuery,
-)
 from skyway.delivery.offer import Tariff
+from skyway.dispatch.problem import MAX_DRONES
 from skyway.ids import DroneId, MissionId, NetworkId, ProviderId
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.http.client import ServiceClient
@@ -28,8 +21,8 @@ from skyway_composition.context import Context
 from skyway_composition.links.store import held_among, links_to
 from skyway_composition.margins import ANOTHER_ORDER, HAND_OVER, REACHES
 from skyway_composition.missions.queue import store
+from skyway_composition.missions.queue.ask_registry import exchanging_tariffs, out_of_service
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, adopt
-from skyway_composition.missions.queue.dispatching.exchange import refused_by
 from skyway_composition.missions.queue.dispatching.fleet import (
     Fleet,
     Moments,
@@ -126,12 +119,7 @@ class OrderFinder:
     async def _exchanging(self, network_id: NetworkId) -> Mapping[ProviderId, Tariff]:
         """The tariffs of the providers whose drones are planned together in a network."""
         skyway = await self.context.networks.current(network_id)
-        return await self.tariffs() if skyway.settings.joint_dispatch else {}
-
-    async def tariffs(self) -> Mapping[ProviderId, Tariff]:
-        """The tariffs of all providers that exchange deliveries now."""
-        answer = await self.registry.call("GET", EXCHANGING, answer=ExchangingProviders)
-        return answer.tariffs
+        return await exchanging_tariffs(self.registry) if skyway.settings.joint_dispatch else {}
 
     async def find(
         self, network_id: NetworkId, *provider_ids: ProviderId
@@ -189,17 +177,10 @@ class OrderFinder:
         fleet = fleet_of(found.records, links, versions=found.versions, left_out=held, times=times)
         if not _can_improve(fleet):
             return fleet
-        # These drones keep the missions that they have, and get no others.
-        withdrawn = await self._withdrawn([*fleet.calendars])
-        return fleet.only(fleet.calendars.keys() - withdrawn)
-
-    async def _withdrawn(self, drone_ids: list[DroneId]) -> frozenset[DroneId]:
-        """Drones out of service or due for maintenance, and all beyond the limit of a question."""
-        asked = OutOfServiceQuery(drone_ids=tuple(drone_ids[:MOST_DRONES]))
-        answer = await self.registry.call(
-            "POST", OUT_OF_SERVICE, body=asked, answer=OutOfServiceAnswer
-        )
-        return frozenset((*answer.drone_ids, *answer.due_drone_ids, *drone_ids[MOST_DRONES:]))
+        # All other drones keep the missions that they have, and get no others.
+        fleet = fleet.only([*fleet.calendars][:MAX_DRONES])
+        withdrawn = await out_of_service(self.registry, fleet.calendars)
+        return fleet.only(fleet.calendars.keys() - {*withdrawn.drone_ids, *withdrawn.due_drone_ids})
 
     async def _searched_order(
         self, fleet: Fleet, world: World, times: Moments, *, pools: bool
@@ -276,8 +257,7 @@ class OrderFinder:
             return "no plan now" if moved.is_temporary else "no plan"
         better = BetterOrder(affected, world, times, moved, order.merges)
         judgement = better.judged(tolerance_s=self.terms.tolerance_s)
-        broken = judgement.late | refused_by(better.changes, affected, world.skyway.network)
-        if broken:
+        if broken := judgement.late | better.refusing:
             return BrokenBy(broken)
         return better if judgement.is_better else "no gain"
 
@@ -362,8 +342,11 @@ class Dispatcher:
 
     async def adopt(self, better: BetterOrder) -> str:
         """Save a better order, if nothing has changed since; returns the outcome."""
-        if better.has_exchanges and await self.finder.tariffs() != better.fleet.tariffs:
-            return "outdated"
+        if better.has_exchanges:
+            # A provider may have changed its rule or its tariff, or may be suspended now.
+            tariffs = await exchanging_tariffs(self.finder.registry)
+            if tariffs != better.fleet.tariffs:
+                return "outdated"
         latest_ms = better.first_start_ms - REACHES.ms(self.context.clock)
         lost = await commit(self.context, Change(latest_ms, partial(self._write, better=better)))
         if isinstance(lost, RowRefused):

@@ -15,7 +15,6 @@ from skyway.planner.pad_book import OPEN_MS
 from skyway.planner.problem_parts import PackageToDeliver, PadReservation
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.queue.dispatching.exchange import providers_of
 from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments
 from skyway_composition.missions.queue.dispatching.merger import MOST_SHARES
 from skyway_composition.missions.queue.dispatching.plan_orders import (
@@ -81,7 +80,10 @@ def fleet_problem(
                 later_s=later_s[each.mission_id],
                 spare_s=dropoff_s - settings.hand_over_s(each.request.packages),
                 pooling=each.mission_id in may_merge,
-                provider_ids=providers_of(each, fleet, world.skyway.network, may_merge=may_merge),
+                # A mission that may share a trip stays with its provider.
+                provider_ids=(each.mission.provider_id,)
+                if each.mission_id in may_merge
+                else fleet.providers_of(each, network=world.skyway.network),
             )
             for number, each in enumerate(waiting)
         ),
@@ -109,7 +111,7 @@ def _request(
     later_s: float,
     spare_s: float,
     pooling: bool,
-    provider_ids: tuple[ProviderId, ...] | None,
+    provider_ids: tuple[ProviderId, ...],
 ) -> FleetRequest:
     """A waiting mission as a request; requests that were booked earlier have a higher age.
 

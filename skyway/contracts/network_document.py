@@ -1,4 +1,4 @@
-"""The settings in a network's `settings` member, with their defaults."""
+"""A network as it is published, with the settings in its `settings` member."""
 
 from collections.abc import Iterable
 from typing import Annotated
