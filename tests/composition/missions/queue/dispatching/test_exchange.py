@@ -1,12 +1,15 @@
 """A waiting mission changes its provider only if its customer and both providers agree."""
 
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 import pytest
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder
 from skyway_composition.missions.queue.dispatching.dispatch import Dispatcher
+from skyway_composition.missions.queue.dispatching.fleet import Fleet
+from skyway_composition.missions.queue.dispatching.merger import share_of
 from skyway_composition.statistics.store import better_orders_of
 
 from skyway.delivery.offer import Tariff
@@ -197,6 +200,24 @@ async def test_a_mission_keeps_its_provider_if_the_network_does_not_allow_it(
     await look(world, dispatcher)
 
     assert await providers_of(world) == before
+
+
+async def test_a_mission_that_flies_for_several_deliveries_keeps_its_provider(
+    world: BusyWorld,
+) -> None:
+    await book_unevenly(world)
+    skyway = await world.context.networks.current(NETWORK_ID)
+    fleet = Fleet({}, {_FIRST: _SAME, _SECOND: _SAME})
+    [of_second] = [each for each in await world.planned() if each.drone_id == "drn_2"]
+    record, *_ = (await waiting_missions(world)).values()
+    shared = replace(record, shares=(share_of(record),))
+
+    may = [
+        fleet.may_fly(each, of_second.candidate, each.mission.plan, network=skyway.network)
+        for each in (record, shared)
+    ]
+
+    assert may == [True, False]
 
 
 async def found_by(dispatcher: Dispatcher) -> BetterOrder:
