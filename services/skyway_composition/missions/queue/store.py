@@ -127,8 +127,8 @@ async def free_times(tx: Tx, mission_ids: Collection[MissionId]) -> None:
 
 
 _WAITING_FLEETS: Final = (
-    select(missions.c.network_id, missions.c.provider_id)
-    .distinct()
+    select(missions.c.network_id, missions.c.provider_id, func.count().label("waiting"))
+    .group_by(missions.c.network_id, missions.c.provider_id)
     .where(is_queued, missions.c.start_ms > bindparam("after_ms"))
     .order_by(missions.c.network_id, missions.c.provider_id)
 )
@@ -174,10 +174,12 @@ class OpenMissions:
 
 async def waiting_fleets(
     connection: AsyncConnection, *, after_ms: int
-) -> list[tuple[NetworkId, ProviderId]]:
-    """The networks and providers with QUEUED missions that begin after this moment."""
-    found = await connection.execute(_WAITING_FLEETS, {"after_ms": after_ms})
-    return [(row.network_id, row.provider_id) for row in found]
+) -> dict[NetworkId, dict[ProviderId, int]]:
+    """How many QUEUED missions begin after this moment, by network and provider."""
+    fleets: dict[NetworkId, dict[ProviderId, int]] = {}
+    for row in await connection.execute(_WAITING_FLEETS, {"after_ms": after_ms}):
+        fleets.setdefault(row.network_id, {})[row.provider_id] = row.waiting
+    return fleets
 
 
 async def open_missions_of(

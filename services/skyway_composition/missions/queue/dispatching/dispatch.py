@@ -5,7 +5,6 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import groupby
 from typing import Final, Literal
 
 from skyway.delivery.offer import Tariff
@@ -97,19 +96,24 @@ class OrderFinder:
     search: SearchProcess
     registry: ServiceClient
     terms: DispatchTerms
+    #: The most waiting missions of providers that are searched together.
+    most_together: int = _MOST_WAITING
     _searched: dict[Searched, Orders] = field(default_factory=dict)
 
     async def fleets(self) -> list[Searched]:
         """The networks and providers in which missions may move; all others are forgotten.
 
-        Providers that exchange deliveries in a network with `joint_dispatch` are searched together.
+        Providers that exchange deliveries in a network with `joint_dispatch` are searched together,
+        unless too many missions wait for one search.
         """
         async with self.context.db.read() as connection:
             found = await store.waiting_fleets(connection, after_ms=self._times().last_kept_ms)
         fleets: dict[Searched, None] = {}
-        for network_id, rows in groupby(found, key=lambda each: each[0]):
+        for network_id, waiting in found.items():
             exchanging = await self._exchanging(network_id)
-            for _, provider_id in rows:
+            if sum(waiting.get(each, 0) for each in exchanging) > self.most_together:
+                exchanging = {}
+            for provider_id in waiting:
                 together = sorted(exchanging) if provider_id in exchanging else [provider_id]
                 fleets[network_id, *together] = None
         for gone in self._searched.keys() - fleets.keys():

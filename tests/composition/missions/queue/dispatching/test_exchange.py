@@ -220,6 +220,16 @@ async def test_a_mission_that_flies_for_several_deliveries_keeps_its_provider(
     assert may == [True, False]
 
 
+async def test_providers_are_searched_alone_if_together_too_many_missions_wait(
+    world: BusyWorld,
+) -> None:
+    await book_unevenly(world)
+    finder = joint(world, prv_1=_SAME, prv_2=_SAME).finder
+
+    assert await finder.fleets() == [(NETWORK_ID, _FIRST, _SECOND)]
+    assert await replace(finder, most_together=2).fleets() == [(NETWORK_ID, _FIRST)]
+
+
 async def found_by(dispatcher: Dispatcher) -> BetterOrder:
     found = await dispatcher.finder.find(NETWORK_ID, _FIRST, _SECOND)
     assert isinstance(found, BetterOrder)
