@@ -35,7 +35,7 @@ _STANDBY: Final = (
 _EXCHANGES: Final = (
     "whether providers that exchange deliveries may fly its own, and its drones may fly theirs, in "
     "networks with `joint_dispatch` and if the customer allows it. The provider that flies a "
-    "delivery gets its agreed price, which is never below what its own tariff asks"
+    "delivery gets its agreed price, at least what its own tariff asks, and keeps its agreed terms"
 )
 
 
