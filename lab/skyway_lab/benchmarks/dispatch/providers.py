@@ -58,19 +58,23 @@ def _cell(place: Place, policy: DispatchPolicy, seeds: int) -> str:
 
 
 def _half_together(problem: FleetProblem, seed: int) -> Schedule:
-    """One search in which requests with odd numbers keep the provider of the current plan."""
+    """One search in which requests with odd numbers stay with the provider that has them.
+
+    A new request is at first with the provider whose drone delivers it first.
+    """
+    scheduler = Scheduler(problem)
+    booked = scheduler.current() or scheduler.arrival_order()
     size = len(problem.drones) // _PROVIDERS
     drones = [
         each.model_copy(update={"provider_id": f"provider-{number // size}"})
         for number, each in enumerate(problem.drones)
     ]
-    provider_of = {each.drone_id: each.provider_id for each in drones}
-    requests = [
-        each
-        if each.planned is None or int(each.request_id) % 2 == 0
-        else each.model_copy(update={"provider_ids": (provider_of[each.planned.drone_id],)})
-        for each in problem.requests
-    ]
+    requests = [*problem.requests]
+    for each in booked.trips:
+        for number in each.trip.pool:
+            if int(requests[number].request_id) % 2:
+                own = {"provider_ids": (drones[each.drone].provider_id,)}
+                requests[number] = requests[number].model_copy(update=own)
     changes = {"drones": tuple(drones), "requests": tuple(requests)}
     return _TOGETHER(problem.model_copy(update=changes), seed)
 
