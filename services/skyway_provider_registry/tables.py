@@ -118,6 +118,7 @@ providers = Table(
     Column("state", Text, nullable=False),
     Column("loading", Text, nullable=False, server_default="AUTOMATIC"),
     Column("standby", Text, nullable=False, server_default="HOME"),
+    Column("exchanges_deliveries", Boolean, nullable=False, server_default=false()),
     Column("created_ms", BigInteger, nullable=False),
     CheckConstraint("state IN ('ACTIVE', 'SUSPENDED')", name="provider_state"),
     CheckConstraint(_STANDBYS, name="provider_standby"),

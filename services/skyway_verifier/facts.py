@@ -48,7 +48,12 @@ class MissionFacts:
     @property
     def fixed(self) -> tuple[object, ...]:
         """What never changes."""
-        return self.attempt, self.trip, self.provider_id, self.drone_id, self.price
+        return self.attempt, self.trip
+
+    @property
+    def reported(self) -> tuple[object, ...]:
+        """What changes with a report: who flies it, its state, and its price."""
+        return self.provider_id, self.drone_id, self.state, self.price
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,8 +2,8 @@
 
 The gateway asks the registry whose key was shown, and how many drones a provider may have. All
 services ask with which key a drone signs. Composition asks which drones may not begin a mission,
-and how many drones a network has. The registry asks composition to raise alarms, and reports
-renewed credentials.
+which providers exchange deliveries, and how many drones a network has. The registry asks
+composition to raise alarms, and reports renewed credentials.
 """
 
 from typing import Annotated, Final
@@ -14,6 +14,7 @@ from skyway.bounds import SmallObject, Words
 from skyway.contracts.drone_report import AlarmLevel
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.signature import PublicKey
+from skyway.delivery.offer import Tariff
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneId, DroneModelId, NetworkId, ProviderId
 from skyway.json_model import WireModel
@@ -127,6 +128,16 @@ class OutOfServiceAnswer(WireModel):
 
     drone_ids: tuple[DroneId, ...]
     due_drone_ids: tuple[DroneId, ...] = ()
+
+
+#: Where composition asks which providers exchange deliveries.
+EXCHANGING: Final = "/internal/exchanging-providers"
+
+
+class ExchangingProviders(WireModel):
+    """The present tariffs of the providers that exchange deliveries and are ACTIVE."""
+
+    tariffs: dict[ProviderId, Tariff]
 
 
 #: Where composition asks how many drones a network has.

@@ -156,6 +156,14 @@ class QoS(JsonModel):
         ),
     ] = 0.0
 
+    may_change_provider: Annotated[
+        bool,
+        Field(
+            description="Whether another provider may fly the delivery, if `providers` admits it "
+            "and a better plan of all fleets follows. Price, terms and promise stay as they are.",
+        ),
+    ] = False
+
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> Self:
         if self.objective is not None and self.weights is not None:

@@ -33,6 +33,8 @@ def _violations(problem: FleetProblem, plan: FleetPlan) -> Iterator[str]:
         if isinstance(trip, str):
             yield f"trips.{number}: {trip}"
             return
+        if not planner.may_fly(planner.model_of[drone], trip.pool):
+            yield f"trips.{number}: its provider may not fly a request"
         trips.append((drone, trip, plan.trips[number].plan))
     for number, (drone, trip, own_plan) in enumerate(trips):
         pads = FleetPads(problem)

@@ -5,7 +5,7 @@ and never wait for a closure to end. The order search and the bound of the whole
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -57,10 +57,16 @@ class Estimates:
     """Distances between the places of a problem, and estimates of trips of each model."""
 
     def __init__(
-        self, problem: FleetProblem, models: Sequence[DroneModel], *, sharing: Sharing
+        self,
+        problem: FleetProblem,
+        models: Sequence[DroneModel],
+        *,
+        sharing: Sharing,
+        may_fly: Callable[[int, Pool], bool] = lambda _kind, _pool: True,
     ) -> None:
         self._problem = problem
         self._sharing = sharing
+        self._may_fly = may_fly
         self.models = models
         self.places = _places(problem)
         self.place_of: Mapping[StationId, int] = {
@@ -124,7 +130,7 @@ class Estimates:
         requests = [problem.requests[each] for each in pool]
         here = self.place_of[self.source(pool)]
         load_kg = sum(each.mass_kg for each in requests)
-        if not _can_lift(model, load_kg):
+        if not _can_lift(model, load_kg) or not self._may_fly(kind, pool):
             return [(OUT_OF_REACH, OUT_OF_REACH)] * len(pool)
         pace, power_w = 1.0 / speed_mps(model, load_kg), flight_power_w(model, load_kg)
         found = []
@@ -160,6 +166,9 @@ class Estimates:
         requests = [problem.requests[each] for each in pool]
         masses = _masses_by_destination(requests)
         loading_s = problem.loading_s
+        if not self._may_fly(kind, pool):
+            here, never = self.place_of[source], np.full(3, OUT_OF_REACH)
+            return TripEstimate(np.array([here]), never[None, :], never, here, (0.0,) * len(pool))
         if source in masses:
             masses.pop(source)
             loading_s += problem.dropoff_s

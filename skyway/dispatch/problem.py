@@ -102,6 +102,10 @@ class FleetRequest(JsonModel):
         bool, Field(description="Whether the request may share a trip with other requests.")
     ] = False
     weight: Annotated[float, Field(gt=0, le=1e6)] = 1.0
+    provider_ids: Annotated[
+        tuple[str, ...] | None,
+        Field(max_length=MAX_DRONES, description="The providers whose drones may fly it; any."),
+    ] = None
     planned: CurrentTrip | None = None
 
     @property

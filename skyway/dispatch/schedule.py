@@ -148,7 +148,12 @@ class Scheduler:
     def __init__(self, problem: FleetProblem) -> None:
         self.problem = problem
         self.planner = TripPlanner(problem)
-        self.estimates = Estimates(problem, self.planner.models, sharing=self.planner.sharing)
+        self.estimates = Estimates(
+            problem,
+            self.planner.models,
+            sharing=self.planner.sharing,
+            may_fly=self.planner.may_fly,
+        )
         self.pricing = Pricing(problem)
 
     def arrival_order(self) -> Schedule:

@@ -65,9 +65,14 @@ class TripPlanner:
     def __init__(self, problem: FleetProblem) -> None:
         self.problem = problem
         self.sharing = Sharing(problem)
+        # If requests name providers, what a drone may fly depends on its provider too.
+        is_limited = any(each.provider_ids is not None for each in problem.requests)
+        kind_of = [(each.model, each.provider_id if is_limited else "") for each in problem.drones]
+        kinds = [*dict.fromkeys(kind_of)]
         #: The distinct models, and the number of each drone's model.
-        self.models = [*dict.fromkeys(each.model for each in problem.drones)]
-        self.model_of = [self.models.index(each.model) for each in problem.drones]
+        self.models = [model for model, _ in kinds]
+        self.model_of = [kinds.index(each) for each in kind_of]
+        self._provider_of = [provider_id for _, provider_id in kinds]
         self.given = FleetPads(problem)
         book = self.given.book()
         self._reserved = Reserved(book)
@@ -97,6 +102,11 @@ class TripPlanner:
             each.held.release(parts)
         self._reserved.clear()
 
+    def may_fly(self, kind: int, pool: Pool) -> bool:
+        """Whether drones of this number of model may fly all these requests: by their provider."""
+        allowed = (self.problem.requests[each].provider_ids for each in pool)
+        return all(each is None or self._provider_of[kind] in each for each in allowed)
+
     def plan(
         self, pool: Pool, drone: int, slot: Slot, pads: FleetPads, new: list[HeldPad]
     ) -> PlannedTrip | None:
@@ -106,6 +116,8 @@ class TripPlanner:
         None if no plan exists or is found. `new` are the pads that are held since the last call;
         the list is empty afterwards.
         """
+        if not self.may_fly(self.model_of[drone], pool):
+            return None
         if self._is_timeless:
             undisturbed = self._undisturbed(pool, drone, slot)
             if undisturbed is None:

@@ -1,6 +1,7 @@
 """The stations of a busy world, and the model of its drones."""
 
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from skyway_composition.networks.publish import read_content
@@ -58,9 +59,10 @@ async def add_network(
     places: Mapping[str, Position] = PLACES,
     segments: Iterable[str] = SEGMENTS,
     version: int = 1,
+    settings: Mapping[str, Any] = MappingProxyType({}),
 ) -> None:
     """Add a network as a version of `NETWORK_ID`."""
-    content = await read_content(network_of(places, segments))
+    content = await read_content({**network_of(places, segments), "settings": {**settings}})
     row = VersionRow(NETWORK_ID, version, content.sha256, now_ms)
     await add_version(tx, row, content=content.geojson)
     await replace_stations(tx, NETWORK_ID, content.network.stations.values())

@@ -26,9 +26,14 @@ from skyway_composition.missions.queue.dispatching.search_process import (
 from skyway_composition.networks.change_weather import WeatherChanges
 from skyway_composition.networks.prepared import PreparedNetworks
 
-from skyway.contracts.drones import OutOfServiceAnswer, OutOfServiceQuery
+from skyway.contracts.drones import (
+    EXCHANGING,
+    ExchangingProviders,
+    OutOfServiceAnswer,
+    OutOfServiceQuery,
+)
 from skyway.contracts.weather import ForecastDocument
-from skyway.delivery.offer import Price
+from skyway.delivery.offer import Price, Tariff
 from skyway.ids import DeliveryId, MissionId, PackageId, ProviderId
 from skyway.network.network import Network
 from skyway.runtime.loops import Wake
@@ -65,16 +70,26 @@ async def forecast_wind(world: BusyWorld, *, speed_mps: float, from_deg: float) 
 
 
 class RegistryInService:
-    """A registry whose drones are in service, except the withdrawn ones; some may be due."""
+    """A registry whose drones are in service, except the withdrawn ones; some may be due.
+
+    Providers with a tariff exchange deliveries.
+    """
 
     def __init__(
-        self, withdrawn: frozenset[str] = frozenset(), due: frozenset[str] = frozenset()
+        self,
+        withdrawn: frozenset[str] = frozenset(),
+        due: frozenset[str] = frozenset(),
+        tariffs: Mapping[str, Tariff] = types.MappingProxyType({}),
     ) -> None:
         self.withdrawn, self.due = withdrawn, due
+        self.tariffs = {ProviderId(name): each for name, each in tariffs.items()}
 
     async def call(
-        self, _method: str, _path: str, *, body: OutOfServiceQuery, **_: Any
-    ) -> OutOfServiceAnswer:
+        self, _method: str, path: str, *, body: OutOfServiceQuery | None = None, **_: Any
+    ) -> OutOfServiceAnswer | ExchangingProviders:
+        if body is None:
+            assert path == EXCHANGING
+            return ExchangingProviders(tariffs={**self.tariffs})
         return OutOfServiceAnswer(
             drone_ids=tuple(each for each in body.drone_ids if each in self.withdrawn),
             due_drone_ids=tuple(each for each in body.drone_ids if each in self.due),
@@ -88,12 +103,13 @@ def dispatcher_of(
     withdrawn: frozenset[str] = frozenset(),
     due: frozenset[str] = frozenset(),
     search: SearchProcess | None = None,
+    registry: RegistryInService | None = None,
 ) -> Dispatcher:
     """A dispatcher on the world's database."""
     finder = OrderFinder(
         world.context,
         OwnSearch() if search is None else search,
-        RegistryInService(withdrawn, due),  # type: ignore[arg-type]
+        registry or RegistryInService(withdrawn, due),  # type: ignore[arg-type]
         DispatchTerms(every_s=10.0, budget_s=0.05, tolerance_s=tolerance_s),
     )
     return Dispatcher(world.context, finder)

@@ -194,11 +194,18 @@ class FlownDrone:
     """A drone with its agent, its journal, and its messages that were not handled yet."""
 
     def __init__(
-        self, drone_id: str, *, model: DroneModel, home: str, position: Position, clock: ManualClock
+        self,
+        drone_id: str,
+        *,
+        model: DroneModel,
+        home: str,
+        position: Position,
+        clock: ManualClock,
+        provider_id: str = "prv_1",
     ) -> None:
         self.drone = EnrolledDrone(
             drone_id=DroneId(drone_id),
-            provider_id=ProviderId("prv_1"),
+            provider_id=ProviderId(provider_id),
             model=model,
             home_station_id=StationId(home),
             home_position=position,

@@ -13,6 +13,7 @@ OF_COMPOSITION = {
     "/internal/mission-reports",
     "/internal/mission-reports/many",
     "/internal/drones-out-of-service",
+    "/internal/exchanging-providers",
     "/internal/drone-signatures",
     "/internal/networks/1/drones",
 }

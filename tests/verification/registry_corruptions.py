@@ -219,6 +219,17 @@ _ACROSS: Final = (
         " body = json_set(body, '$.drone_id', :silent_drone) WHERE mission_id = :flying_mission",
     ),
     Corruption(
+        "a mission of another provider at the gateway",
+        "gateway and composition agree on a mission",
+        gateway="UPDATE missions SET provider_id = 'prv_other',"
+        " body = json_set(body, '$.provider_id', 'prv_other') WHERE mission_id = :flying_mission",
+    ),
+    Corruption(
+        "a line that pays a provider that did not fly",
+        "a line names the parties of its mission",
+        gateway="UPDATE ledger SET provider_id = 'prv_other' WHERE mission_id = :completed_mission",
+    ),
+    Corruption(
         "a package delivered at the gateway only",
         "I6 what the gateway counts as delivered is delivered in composition",
         gateway="INSERT INTO custody SELECT delivery_id, 'p2', 3, custodian_kind, 'line-s3', at_ms"

@@ -171,6 +171,19 @@ def test_a_delivery_that_is_deleted_while_services_are_read_breaks_no_rule(
     assert still_broken(DELIVERY_RULES, looked, again) == []
 
 
+@pytest.mark.parametrize(("applied", "is_broken"), [(5, True), (4, False)])
+def test_only_a_report_on_its_way_explains_another_provider(applied: int, is_broken: bool) -> None:
+    moved = {"provider_id": "prv_2", "drone_id": "drn_2", "waiting_reports": 5 - applied}
+    looks = delivery_looks(
+        gateway=DeliveryFacts("dlv_1", is_over=False, missions=(mission(report_seq=applied),)),
+        composition=DeliveryFacts("dlv_1", is_over=False, missions=(mission(**moved),)),
+    )
+
+    found = {each.rule for each in broken_across(DELIVERY_RULES, looks, looks)}
+
+    assert found == ({"gateway and composition agree on a mission"} if is_broken else set())
+
+
 def test_the_facts_of_all_cells_are_those_of_one_composition() -> None:
     known = [hint("ACTIVE", 1, mission_id=f"msn_{number}") for number in (1, 2, 3)]
     looks = hint_looks(registry=known)

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from skyway.contracts.network_document import NetworkSettings, settings_of
 from skyway.ids import NetworkId, StationId
 from skyway.network.columns import Floats
 from skyway.network.geojson_text import read_network_text
@@ -24,7 +25,6 @@ from skyway.runtime.sql.database import Database
 from skyway_composition.closures.conditions import CachedConditions
 from skyway_composition.networks import store
 from skyway_composition.networks.pickup_store import PastPickups
-from skyway_composition.networks.settings import NetworkSettings, settings_of
 from skyway_composition.networks.store import VersionRow
 from skyway_composition.own_cells import OwnCells
 

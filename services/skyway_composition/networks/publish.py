@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from skyway.contracts.network_document import settings_of
 from skyway.contracts.topics import NETWORK_VERSION
 from skyway.contracts.world import NetworkVersion
 from skyway.ids import ClosureId, ConnectorId, NetworkId, StationId
@@ -26,7 +27,6 @@ from skyway.units import moment_to_ms
 from skyway_composition.closures.closure import Closure, ClosureKind, Impact, Reach
 from skyway_composition.networks import store
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
-from skyway_composition.networks.settings import settings_of
 from skyway_composition.networks.station_store import (
     replace_stations,
     reserved_pads,

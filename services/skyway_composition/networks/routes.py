@@ -11,6 +11,7 @@ from fastapi import Depends, Header, Query, Request, Response
 from pydantic import Field, ValidationError
 
 from skyway.complaints import fault_of
+from skyway.contracts.network_document import NetworkDocument
 from skyway.contracts.weather import ForecastDocument, WeatherInForce
 from skyway.errors import InvalidInput, InvalidNetwork
 from skyway.ids import DroneModelId, NetworkId
@@ -40,7 +41,6 @@ from skyway_composition.networks.service_status import (
     status_of,
     without_counts,
 )
-from skyway_composition.networks.settings import NetworkDocument
 from skyway_composition.networks.store import VersionRow
 
 #: The most bytes of a network (docs/reference/rest.md).

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple, Self, TypeVar
 
 import numpy as np
 
+from skyway.contracts.network_document import NetworkSettings
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import MOST_OF_TRIP, Tariff
 from skyway.delivery.qos import Priority
@@ -20,7 +21,6 @@ from skyway.network.columns import Adjacency, Floats
 from skyway.network.network import Network
 from skyway.planner.kernels.ways import lengths_from
 from skyway_composition.networks.prepared import PreparedNetwork
-from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.problem_for import with_margin
 
 _Key = TypeVar("_Key")

@@ -7,7 +7,7 @@ from typing import Self
 from skyway.contracts.candidate import Candidate, ProviderReason
 from skyway.contracts.mission import OfferLimits, PackageEta
 from skyway.contracts.quote import OfferTerms
-from skyway.delivery.offer import BestValues, OfferValues, Price, price_of, total_price
+from skyway.delivery.offer import BestValues, OfferValues, Price, Tariff, price_of, total_price
 from skyway.delivery.plan import Fly, Plan, Recharge
 from skyway.delivery.qos import QoS, Weights
 from skyway.delivery.request import DeliveryRequest
@@ -49,13 +49,7 @@ class Part:
     ) -> "Part":
         """The part, priced by the candidate's tariff."""
         distance_m = distance_flown_m(network, trip.plan)
-        price = price_of(
-            candidate.tariff,
-            distance_m=distance_m,
-            payload_kg=request.payload_kg,
-            recharging_s=trip.plan.recharging_s or 0.0,
-            priority=request.qos.priority,
-        )
+        price = price_of_plan(candidate.tariff, trip.plan, request, distance_m=distance_m)
         return cls(candidate, trip, request, distance_m, price, opening)
 
 
@@ -140,6 +134,19 @@ def _pooled_price(offer: Offer) -> Price | None:
         return None
     price = total_price([part.price.pooled(part.candidate.tariff) for part in offer.parts])
     return price if price.amount < offer.price.amount else None
+
+
+def price_of_plan(
+    tariff: Tariff, plan: Plan, request: DeliveryRequest, *, distance_m: float
+) -> Price:
+    """What a tariff asks for a request that is flown by this plan, over this distance."""
+    return price_of(
+        tariff,
+        distance_m=distance_m,
+        payload_kg=request.payload_kg,
+        recharging_s=plan.recharging_s or 0.0,
+        priority=request.qos.priority,
+    )
 
 
 def distance_flown_m(network: Network, plan: Plan) -> float:

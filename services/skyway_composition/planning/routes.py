@@ -14,6 +14,7 @@ from pydantic import Field, TypeAdapter, ValidationError, create_model
 
 from skyway.bounds import Moment
 from skyway.complaints import fault_of
+from skyway.contracts.network_document import NetworkDocument, settings_of
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.delivery.plan import Plan
 from skyway.errors import InvalidProblem
@@ -34,7 +35,6 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.networks.prepared import NOTHING_PUBLISHED, PreparedNetworks
 from skyway_composition.networks.routes import MAX_VERSION
-from skyway_composition.networks.settings import NetworkDocument, settings_of
 from skyway_composition.networks.store import has_networks
 from skyway_composition.planning.no_show_store import NoShows
 from skyway_composition.planning.solver_pool import ReadingTurn, SolverPool

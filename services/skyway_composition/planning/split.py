@@ -11,13 +11,13 @@ from itertools import combinations, groupby
 from typing import Final
 
 from skyway.contracts.candidate import Candidate, Possible
+from skyway.contracts.network_document import NetworkSettings
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import rank_offers
 from skyway.delivery.request import DeliveryRequest, Package
 from skyway.geo import bearing_rad
 from skyway.network.network import Network
 from skyway.scheduling.trip import NoTrip
-from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.offer import Limits, Offer, Part
 from skyway_composition.planning.refusals import Refusals

@@ -1,6 +1,6 @@
 """The gateway asks for drones that could fly a request, composition for drones that may not.
 
-Composition also asks how many drones a network has.
+Composition also asks how many drones a network has, and which providers exchange deliveries.
 """
 
 from collections.abc import Sequence
@@ -15,8 +15,10 @@ from skyway.contracts.candidate import (
     PayloadLimitQuery,
 )
 from skyway.contracts.drones import (
+    EXCHANGING,
     NETWORK_DRONES,
     OUT_OF_SERVICE,
+    ExchangingProviders,
     NetworkDrones,
     OutOfServiceAnswer,
     OutOfServiceQuery,
@@ -31,6 +33,7 @@ from skyway_provider_registry.candidates.fleet_view import FleetView, count_dron
 from skyway_provider_registry.candidates.selection import payload_limit, select_each
 from skyway_provider_registry.context import Context
 from skyway_provider_registry.fleets import store as fleets
+from skyway_provider_registry.providers import store as providers
 
 
 def candidate_routes(context: Context, *, view: FleetView) -> ServiceRouter:
@@ -89,8 +92,17 @@ def candidate_routes(context: Context, *, view: FleetView) -> ServiceRouter:
 
 
 def service_state_routes(context: Context) -> ServiceRouter:
-    """POST /internal/drones-out-of-service."""
+    """POST /internal/drones-out-of-service, GET /internal/exchanging-providers."""
     router = ServiceRouter(tags=("internal",))
+
+    @router.get(EXCHANGING)
+    async def find_exchanging_providers(
+        caller: Annotated[Caller, Depends(context.gate)],
+    ) -> ExchangingProviders:
+        """The active providers that exchange deliveries, with their tariffs."""
+        caller.must_be_service("composition")
+        async with context.db.read() as connection:
+            return await providers.exchanging(connection)
 
     @router.post(OUT_OF_SERVICE)
     async def find_drones_out_of_service(

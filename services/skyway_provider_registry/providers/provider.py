@@ -32,6 +32,11 @@ _STANDBY: Final = (
     "goes to the best parking station of the network; NEXT_PICKUP: it goes near the next pickup "
     "that is expected from its provider's last requests. A drone may have its own setting"
 )
+_EXCHANGES: Final = (
+    "whether providers that exchange deliveries may fly its own, and its drones may fly theirs, in "
+    "networks with `joint_dispatch` and if the customer allows it. The provider that flies a "
+    "delivery gets its agreed price, at least what its own tariff asks, and keeps its agreed terms"
+)
 
 
 class NewProvider(JsonModel):
@@ -42,6 +47,7 @@ class NewProvider(JsonModel):
     terms: Annotated[Terms | None, Field(description="terms of delivery, as text")] = None
     loading: Annotated[Loading, Field(description=_LOADING)] = "AUTOMATIC"
     standby: Annotated[Standby, Field(description=_STANDBY)] = "HOME"
+    exchanges_deliveries: Annotated[bool, Field(description=_EXCHANGES)] = False
 
 
 class ProviderChange(JsonModel):
@@ -59,6 +65,7 @@ class ProviderChange(JsonModel):
     ] = None
     loading: Annotated[Loading | None, NotNull, Field(description=_LOADING)] = None
     standby: Annotated[Standby | None, NotNull, Field(description=_STANDBY)] = None
+    exchanges_deliveries: Annotated[bool | None, NotNull, Field(description=_EXCHANGES)] = None
 
 
 class ProviderCard(JsonModel):
@@ -81,6 +88,7 @@ class Provider(JsonModel):
     ]
     loading: Annotated[Loading, Field(description=_LOADING)]
     standby: Annotated[Standby, Field(description=_STANDBY)]
+    exchanges_deliveries: Annotated[bool, Field(description=_EXCHANGES)]
     created_at: Annotated[Moment, Field(description="moment of its registration, fleet time")]
 
     @property

@@ -57,6 +57,7 @@ def provider_routes(context: Context, *, stations: StationLookup) -> ServiceRout
             state="ACTIVE",
             loading=requested.loading,
             standby=requested.standby,
+            exchanges_deliveries=requested.exchanges_deliveries,
             # What is answered now is what is read later: the table keeps milliseconds.
             created_at=ms_to_moment(moment_to_ms(context.clock.now())),
         )

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from sqlalchemy import ColumnElement, false, func, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.contracts.drones import ExchangingProviders
 from skyway.delivery.offer import Tariff
 from skyway.ids import DroneModelId, NetworkId, ProviderId, StationId
 from skyway.runtime.errors import NotFound
@@ -102,6 +103,17 @@ async def every(connection: AsyncConnection) -> Sequence[Provider]:
     return [_provider(row) for row in found]
 
 
+async def exchanging(connection: AsyncConnection) -> ExchangingProviders:
+    """The active providers that exchange deliveries."""
+    found = await connection.execute(
+        select(providers.c.provider_id, providers.c.tariff).where(
+            providers.c.exchanges_deliveries, providers.c.state == "ACTIVE"
+        )
+    )
+    tariffs = {row.provider_id: Tariff.read(row.tariff) for row in found}
+    return ExchangingProviders(tariffs=tariffs)
+
+
 async def homes(connection: AsyncConnection, provider_id: ProviderId) -> Sequence[StationId]:
     """A home of this provider's drones in each network."""
     statement = (
@@ -166,5 +178,6 @@ def _provider(row: AnyRow) -> Provider:
         state=row.state,
         loading=row.loading,
         standby=row.standby,
+        exchanges_deliveries=row.exchanges_deliveries,
         created_at=ms_to_moment(row.created_ms),
     )

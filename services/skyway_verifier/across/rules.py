@@ -97,8 +97,9 @@ def _invented_reports(gateway: DeliveryFacts, composition: DeliveryFacts) -> Ite
 @_if_known
 def _other_missions(gateway: DeliveryFacts, composition: DeliveryFacts) -> Iterator[str]:
     for applied, sent in _pairs(gateway, composition):
-        is_same_state = applied.report_seq != sent.report_seq or applied.state == sent.state
-        if applied.fixed != sent.fixed or not is_same_state:
+        # A report on its way may say that another provider's drone flies the mission.
+        is_same = applied.report_seq != sent.report_seq or applied.reported == sent.reported
+        if applied.fixed != sent.fixed or not is_same:
             yield sent.mission_id
 
 

@@ -296,7 +296,14 @@ NO_SHOWS: Final = (
         "an alarm of a mission is about its provider",
         select(alarms.c.alarm_id)
         .join(missions, missions.c.mission_id == alarms.c.mission_id)
-        .where(alarms.c.provider_id != missions.c.provider_id),
+        .where(
+            alarms.c.provider_id != missions.c.provider_id,
+            # The mission may have had this drone before another provider's.
+            ~exists().where(
+                drone_links.c.drone_id == alarms.c.drone_id,
+                drone_links.c.provider_id == alarms.c.provider_id,
+            ),
+        ),
         "Set `provider_id` of the alarm to that of its mission: its provider sees it then.",
     ),
     Rule(

@@ -37,6 +37,7 @@ async def test_a_registered_provider_reads_like_the_answer(api: Any) -> None:
         "state": "ACTIVE",
         "loading": "AUTOMATIC",
         "standby": "HOME",
+        "exchanges_deliveries": False,
         "created_at": "2026-03-01T12:00:00Z",
     }
 

@@ -58,6 +58,7 @@ def after_report(delivery: Delivery, report: MissionReport, *, host_delay: timed
         updated_at=max(delivery.updated_at, report.at),
         missions=missions,
         price=event_data.price_of(missions),
+        provider_id=missions[0].provider_id,
     )
     if delivery.is_over:  # the drone's way home does not concern the customer
         return Progress(delivery)

@@ -325,7 +325,6 @@ def mission_row(mission: FlownMission) -> Values:
         "delivery_id": mission.delivery_id,
         "attempt": mission.attempt,
         "trip": mission.trip,
-        "provider_id": mission.provider_id,
         "report_seq": 0,
         "currency": mission.price.currency,
         "promised_on": conditions_of(mission).model_dump_json(exclude_none=True),
@@ -336,14 +335,15 @@ def mission_row(mission: FlownMission) -> Values:
 def _mission_values(mission: FlownMission) -> Values:
     """The columns of a mission that change during its life.
 
-    A mission gets another drone only while it waits in a calendar. Its price falls when its drone
-    loads packages of other deliveries too.
+    A mission gets another drone, also another provider's, only while it waits in a calendar.
+    Its price falls when its drone loads packages of other deliveries too.
     """
     return {
         "state": mission.state,
         "start_ms": moment_to_ms(mission.booked_start_at),
         "price_amount": mission.price.amount,
         "charged_amount": None if mission.charged is None else mission.charged.amount,
+        "provider_id": mission.provider_id,
         "drone_id": mission.drone_id,
         "body": mission.model_dump_json(),
     }

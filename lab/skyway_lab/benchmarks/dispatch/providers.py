@@ -1,8 +1,9 @@
 """What one search over the fleets of three providers brings, against a search of each fleet.
 
 A request goes to the drone that delivers it first, of any provider, as a booking does. Then
-each provider's trips are searched alone, or the trips of all providers together. Three drones of
-each provider have 36 requests within an hour, as many for each drone as in the larger cases.
+each provider's trips are searched alone, or the trips of all providers together: all deliveries may
+change their provider, or every other one. Three drones of each provider have 36 requests within an
+hour, as many for each drone as in the larger cases.
 """
 
 from collections.abc import Iterator
@@ -31,12 +32,12 @@ def providers(*, seeds: int) -> Iterator[Table]:
     table = Table(
         "providers",
         f"{_PROVIDERS} providers, {_LOAD} in all",
-        ("case", "promises", "each fleet alone", "all fleets together"),
+        ("case", "promises", "each fleet alone", "half may change", "all fleets together"),
     )
     for place in _PLACES:
         for name, tolerance_s in (("none", None), ("10 min wide, firm after 10 min", 600.0)):
             row = []
-            for plan in (_each_alone, _TOGETHER):
+            for plan in (_each_alone, _half_together, _TOGETHER):
                 policy = DispatchPolicy(
                     name, plan, promise_tolerance_s=tolerance_s, firm_within_s=600.0
                 )
@@ -54,6 +55,28 @@ def _cell(place: Place, policy: DispatchPolicy, seeds: int) -> str:
         hour.run()
     means = [hour.mean_min for hour in hours]
     return f"{mean(means):.0f} ({', '.join(f'{each:.0f}' for each in means)})"
+
+
+def _half_together(problem: FleetProblem, seed: int) -> Schedule:
+    """One search in which requests with odd numbers stay with the provider that has them.
+
+    A new request is at first with the provider whose drone delivers it first.
+    """
+    scheduler = Scheduler(problem)
+    booked = scheduler.current() or scheduler.arrival_order()
+    size = len(problem.drones) // _PROVIDERS
+    drones = [
+        each.model_copy(update={"provider_id": f"provider-{number // size}"})
+        for number, each in enumerate(problem.drones)
+    ]
+    requests = [*problem.requests]
+    for each in booked.trips:
+        for number in each.trip.pool:
+            if int(requests[number].request_id) % 2:
+                own = {"provider_ids": (drones[each.drone].provider_id,)}
+                requests[number] = requests[number].model_copy(update=own)
+    changes = {"drones": tuple(drones), "requests": tuple(requests)}
+    return _TOGETHER(problem.model_copy(update=changes), seed)
 
 
 def _each_alone(problem: FleetProblem, seed: int) -> Schedule:

@@ -20,6 +20,7 @@ from skyway.contracts.flight_step import (
     WaitStep,
 )
 from skyway.contracts.mission import Mission, PackageEta
+from skyway.contracts.network_document import NetworkSettings
 from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, Recharge, Wait
 from skyway.delivery.verification import PlannedVerification
 from skyway.ids import DeliveryId, MissionId, PackageId, StationId
@@ -29,7 +30,6 @@ from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import PlacedStep, Trip
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.networks.store import Present
 from skyway_composition.planning.offer import Part
 from skyway_composition.planning.problem_for import margins_of
@@ -271,9 +271,13 @@ def new_mission(
 
 
 def flown_by(record: MissionRecord, candidate: Candidate) -> MissionRecord:
-    """A QUEUED mission with another drone of the same provider; its price stays."""
-    drone = {"drone_id": candidate.drone_id, "drone_model_id": candidate.model.model_id}
-    names = ("drone_id", "model", "home_station_id", "standby", "learned")
+    """A QUEUED mission with another drone; its price and its terms stay."""
+    drone = {
+        "provider_id": candidate.provider_id,
+        "drone_id": candidate.drone_id,
+        "drone_model_id": candidate.model.model_id,
+    }
+    names = ("provider_id", "drone_id", "model", "home_station_id", "standby", "learned")
     changed = {name: getattr(candidate, name) for name in names}
     return replace(
         record,

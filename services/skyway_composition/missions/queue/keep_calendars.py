@@ -15,12 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from skyway.contracts.drones import (
-    MOST_DRONES,
-    OUT_OF_SERVICE,
-    OutOfServiceAnswer,
-    OutOfServiceQuery,
-)
 from skyway.delivery.qos import QoS
 from skyway.ids import DroneId
 from skyway.runtime.errors import RowRefused
@@ -38,6 +32,7 @@ from skyway_composition.missions.mission.standby import restore_pads
 from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.queue import store
+from skyway_composition.missions.queue.ask_registry import out_of_service
 from skyway_composition.missions.queue.move_queued import (
     drop,
     give_back_pads,
@@ -282,14 +277,9 @@ class WithdrawnDrones:
         """
         async with self.context.db.read() as connection:
             drone_ids = await store.drones_with_queue(connection)
-        for first in range(0, len(drone_ids), MOST_DRONES):
-            asked = OutOfServiceQuery(drone_ids=tuple(drone_ids[first : first + MOST_DRONES]))
-            answer = await self.registry.call(
-                "POST", OUT_OF_SERVICE, body=asked, answer=OutOfServiceAnswer
-            )
-            for drone_id in answer.drone_ids:
-                while await self._give_up_last(drone_id):
-                    pass
+        for drone_id in (await out_of_service(self.registry, drone_ids)).drone_ids:
+            while await self._give_up_last(drone_id):
+                pass
         return False
 
     async def _give_up_last(self, drone_id: DroneId) -> bool:

@@ -42,6 +42,9 @@ from skyway_composition.pads.store import give_way, hold, pads_of_queued
 #: The customer is notified of a new arrival time that differs by more than this. Our own choice.
 _TOLERANCE: Final = timedelta(minutes=2)
 
+_MOVED: Final = "its place in the calendars of its provider's drones has changed"
+_EXCHANGED: Final = "a drone of another provider flies it, for the same price and on the same terms"
+
 
 async def make_firm(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
     """Promise the arrival times of a QUEUED mission's present plan, if its promise is not firm."""
@@ -152,6 +155,7 @@ def _report_times(
     work: MissionUnitOfWork, record: MissionRecord, earlier: MissionRecord
 ) -> MissionRecord:
     """Report the new plan; REPLANNED notifies the customer, RETIMED does not."""
+    is_exchanged = earlier.mission.provider_id != record.mission.provider_id
     before = {each.package_id: each.eta_at for each in earlier.mission.packages}
     shifts = {
         each.package_id: abs(each.eta_at - before[each.package_id])
@@ -161,14 +165,14 @@ def _report_times(
     return report(
         work,
         replace(record, report_seq=earlier.report_seq),
-        _kind(shifts.values()),
+        "REPLANNED" if is_exchanged else _kind(shifts.values()),
         at=work.clock.now(),
         kinds={
             share.mission_id: _kind(shifts[each] for each in share.packages if each in shifts)
             for share in record.shares
         },
-        code="CALENDAR_CHANGED",
-        detail="its place in the calendars of its provider's drones has changed",
+        code="PROVIDER_CHANGED" if is_exchanged else "CALENDAR_CHANGED",
+        detail=_EXCHANGED if is_exchanged else _MOVED,
         etas=record.mission.packages,
         mission=record.mission,
         free_from=free_from(record),

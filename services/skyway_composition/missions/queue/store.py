@@ -101,11 +101,15 @@ async def drones_with_queue(connection: AsyncConnection) -> list[DroneId]:
 
 
 async def save_start(tx: Tx, mission_id: MissionId, candidate: Candidate) -> None:
-    """Save which drone flies a QUEUED mission that was planned again, and from where."""
+    """Save which provider's drone flies a QUEUED mission that was planned again, from where."""
     await tx.execute(
         update(missions)
         .where(missions.c.mission_id == mission_id)
-        .values(drone_id=candidate.drone_id, candidate=candidate.model_dump_json())
+        .values(
+            provider_id=candidate.provider_id,
+            drone_id=candidate.drone_id,
+            candidate=candidate.model_dump_json(),
+        )
     )
 
 
@@ -123,8 +127,8 @@ async def free_times(tx: Tx, mission_ids: Collection[MissionId]) -> None:
 
 
 _WAITING_FLEETS: Final = (
-    select(missions.c.network_id, missions.c.provider_id)
-    .distinct()
+    select(missions.c.network_id, missions.c.provider_id, func.count().label("waiting"))
+    .group_by(missions.c.network_id, missions.c.provider_id)
     .where(is_queued, missions.c.start_ms > bindparam("after_ms"))
     .order_by(missions.c.network_id, missions.c.provider_id)
 )
@@ -170,17 +174,21 @@ class OpenMissions:
 
 async def waiting_fleets(
     connection: AsyncConnection, *, after_ms: int
-) -> list[tuple[NetworkId, ProviderId]]:
-    """The networks and providers with QUEUED missions that begin after this moment."""
-    found = await connection.execute(_WAITING_FLEETS, {"after_ms": after_ms})
-    return [(row.network_id, row.provider_id) for row in found]
+) -> dict[NetworkId, dict[ProviderId, int]]:
+    """How many QUEUED missions begin after this moment, by network and provider."""
+    fleets: dict[NetworkId, dict[ProviderId, int]] = {}
+    for row in await connection.execute(_WAITING_FLEETS, {"after_ms": after_ms}):
+        fleets.setdefault(row.network_id, {})[row.provider_id] = row.waiting
+    return fleets
 
 
 async def open_missions_of(
-    connection: AsyncConnection, network_id: NetworkId, provider_id: ProviderId
+    connection: AsyncConnection, network_id: NetworkId, provider_ids: Collection[ProviderId]
 ) -> OpenMissions:
-    """The missions of a provider in a network that are not over."""
-    is_of_fleet = and_(missions.c.network_id == network_id, missions.c.provider_id == provider_id)
+    """The missions of these providers in a network that are not over."""
+    is_of_fleet = and_(
+        missions.c.network_id == network_id, missions.c.provider_id.in_(provider_ids)
+    )
     return await _open_missions(
         connection, or_(and_(is_queued, is_of_fleet), and_(is_live, is_of_fleet))
     )

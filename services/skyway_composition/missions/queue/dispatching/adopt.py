@@ -23,7 +23,7 @@ from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, 
 from skyway_composition.missions.queue import store
 from skyway_composition.missions.queue.dispatching.fleet import Calendar, Fleet, Moments
 from skyway_composition.missions.queue.dispatching.merger import Merge
-from skyway_composition.missions.queue.dispatching.plan_orders import Judgement
+from skyway_composition.missions.queue.dispatching.plan_orders import Judgement, judge
 from skyway_composition.missions.queue.move_queued import give_back_pads, move
 from skyway_composition.missions.queue.plan_queue import Moved
 from skyway_composition.pads.store import lock_stations
@@ -41,13 +41,44 @@ class BetterOrder:
     world: World
     times: Moments
     moved: Mapping[DroneId, Sequence[Moved]]
-    judgement: Judgement
     merges: tuple[Merge, ...] = ()
 
     @property
-    def provider_id(self) -> ProviderId:
-        """The provider of all drones of the fleet."""
-        return next(iter(self.fleet.calendars.values())).candidate.provider_id
+    def changes(self) -> list[tuple[MissionRecord, MissionRecord]]:
+        """Each mission with its packages before and after, without those that end as guests."""
+        known = (*self.fleet.waiting, *(each.host for each in self.merges))
+        before = {each.mission_id: each for each in known}
+        after = [each.record for moved in self.moved.values() for each in moved]
+        return [(before[each.mission_id], each) for each in after]
+
+    @property
+    def has_exchanges(self) -> bool:
+        """Whether a mission changes its provider."""
+        return any(
+            before.mission.provider_id != after.mission.provider_id
+            for before, after in self.changes
+        )
+
+    @property
+    def refusing(self) -> frozenset[DroneId]:
+        """The drones that may not fly a mission as it is planned now."""
+        drones, network = self.fleet.calendars, self.world.skyway.network
+        return frozenset(
+            after.drone_id
+            for before, after in self.changes
+            if not self.fleet.may_fly(
+                before, drones[after.drone_id].candidate, after.mission.plan, network=network
+            )
+        )
+
+    def judged(self, *, tolerance_s: float = 0.0, of: ProviderId | None = None) -> Judgement:
+        """The judgement on all its missions, or on those that a provider had until now."""
+        guests = [guest for each in self.merges for guest in each.guests]
+        return judge(
+            (each for each in self.changes if of in (None, each[0].mission.provider_id)),
+            tolerance_s=tolerance_s,
+            guests=[each for each in guests if of in (None, each.mission.provider_id)],
+        )
 
     @property
     def seen(self) -> Snapshot:

@@ -2,16 +2,13 @@
 
 import asyncio
 import logging
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final, Literal
 
-from skyway.contracts.drones import (
-    MOST_DRONES,
-    OUT_OF_SERVICE,
-    OutOfServiceAnswer,
-    OutOfServiceQuery,
-)
+from skyway.delivery.offer import Tariff
+from skyway.dispatch.problem import MAX_DRONES
 from skyway.ids import DroneId, MissionId, NetworkId, ProviderId
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.http.client import ServiceClient
@@ -23,6 +20,7 @@ from skyway_composition.context import Context
 from skyway_composition.links.store import held_among, links_to
 from skyway_composition.margins import ANOTHER_ORDER, HAND_OVER, REACHES
 from skyway_composition.missions.queue import store
+from skyway_composition.missions.queue.ask_registry import exchanging_tariffs, out_of_service
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, adopt
 from skyway_composition.missions.queue.dispatching.fleet import (
     Fleet,
@@ -36,7 +34,7 @@ from skyway_composition.missions.queue.dispatching.merger import (
     may_merge,
     merged_order,
 )
-from skyway_composition.missions.queue.dispatching.plan_orders import judge, plan_orders
+from skyway_composition.missions.queue.dispatching.plan_orders import plan_orders
 from skyway_composition.missions.queue.dispatching.search_process import (
     Search,
     SearchFailed,
@@ -52,8 +50,8 @@ log = logging.getLogger(__name__)
 _MOST_WAITING: Final = 500
 
 #: Why a fleet keeps its order: nothing to search for, the search has failed or found nothing
-#: better, or its order has no exact plan (at present or at all), breaks a promise, or saves too
-#: little.
+#: better, or its order has no exact plan (at present or at all), breaks a promise or an
+#: agreed price, or saves too little.
 NotBetter = Literal["unsearched", "failed", "kept", "no plan now", "no plan", "promise", "no gain"]
 
 #: After these a fleet is not searched again until its calendars change.
@@ -63,8 +61,12 @@ _SAME_AGAIN: Final = ("kept", "no plan", "promise", "no gain")
 _MOST_SEARCHES: Final = 3
 
 
+#: The drones of some providers in one network that are searched together.
+Searched = tuple[NetworkId, *tuple[ProviderId, ...]]
+
+
 class BrokenBy(frozenset[DroneId]):
-    """The drones that break promises in an order."""
+    """The drones that break promises in an order, or that would cost more than was agreed."""
 
 
 #: What became of one search.
@@ -94,32 +96,56 @@ class OrderFinder:
     search: SearchProcess
     registry: ServiceClient
     terms: DispatchTerms
-    _searched: dict[tuple[NetworkId, ProviderId], Orders] = field(default_factory=dict)
+    #: The most waiting missions of providers that are searched together.
+    most_together: int = _MOST_WAITING
+    _searched: dict[Searched, Orders] = field(default_factory=dict)
 
-    async def fleets(self) -> list[tuple[NetworkId, ProviderId]]:
-        """The networks and providers in which missions may move; all others are forgotten."""
+    async def fleets(self) -> list[Searched]:
+        """The networks and providers in which missions may move; all others are forgotten.
+
+        Providers that exchange deliveries in a network with `joint_dispatch` are searched together,
+        unless too many missions wait for one search.
+        """
         async with self.context.db.read() as connection:
-            fleets = await store.waiting_fleets(connection, after_ms=self._times().last_kept_ms)
-        for gone in self._searched.keys() - {*fleets}:
+            found = await store.waiting_fleets(connection, after_ms=self._times().last_kept_ms)
+        fleets: dict[Searched, None] = {}
+        for network_id, waiting in found.items():
+            exchanging = await self._exchanging(network_id)
+            if sum(waiting.get(each, 0) for each in exchanging) > self.most_together:
+                exchanging = {}
+            for provider_id in waiting:
+                together = sorted(exchanging) if provider_id in exchanging else [provider_id]
+                fleets[network_id, *together] = None
+        for gone in self._searched.keys() - fleets.keys():
             del self._searched[gone]
-        return fleets
+        return [*fleets]
 
-    async def find(self, network_id: NetworkId, provider_id: ProviderId) -> BetterOrder | NotBetter:
-        """A better order of the missions that wait in a provider's calendars, or why none."""
+    async def _exchanging(self, network_id: NetworkId) -> Mapping[ProviderId, Tariff]:
+        """The tariffs of the providers whose drones are planned together in a network."""
+        skyway = await self.context.networks.current(network_id)
+        return await exchanging_tariffs(self.registry) if skyway.settings.joint_dispatch else {}
+
+    async def find(
+        self, network_id: NetworkId, *provider_ids: ProviderId
+    ) -> BetterOrder | NotBetter:
+        """A better order of the missions that wait in these providers' calendars, or why none."""
         times = self._times()
         skyway = await self.context.networks.current(network_id)
         world = await World.of(skyway, self.context.db, after_ms=times.now_ms)
-        fleet = free_to_take_off(await self._fleet(network_id, provider_id, times), world, times)
+        fleet = await self._fleet(network_id, provider_ids, times)
+        if len(provider_ids) > 1:
+            fleet = replace(fleet, tariffs=await self._exchanging(network_id))
+        fleet = free_to_take_off(fleet, world, times)
         # Calendars of an earlier network or closure are planned again first, and promises that have
         # to be firm by now become firm, without this search.
         has_promises = any(has_promise_to_make(each, now_ms=times.now_ms) for each in fleet.waiting)
         if not _can_improve(fleet) or has_promises or not fleet.is_planned_in(world.present):
             return "unsearched"
-        if self._searched.get((network_id, provider_id)) == fleet.orders:
+        if self._searched.get((network_id, *provider_ids)) == fleet.orders:
             return "unsearched"
         found = await self._better(fleet, world, times)
         if found in _SAME_AGAIN:
-            self._searched[network_id, provider_id] = fleet.orders
+            self._searched[network_id, *provider_ids] = fleet.orders
         return found
 
     async def _better(self, fleet: Fleet, world: World, times: Moments) -> BetterOrder | NotBetter:
@@ -144,26 +170,21 @@ class OrderFinder:
                 break
         return "promise"
 
-    async def _fleet(self, network_id: NetworkId, provider_id: ProviderId, times: Moments) -> Fleet:
+    async def _fleet(
+        self, network_id: NetworkId, provider_ids: Sequence[ProviderId], times: Moments
+    ) -> Fleet:
         async with self.context.db.read() as connection:
-            found = await store.open_missions_of(connection, network_id, provider_id)
+            found = await store.open_missions_of(connection, network_id, provider_ids)
             drone_ids = sorted(found.versions)
             held = await held_among(connection, drone_ids, now_ms=times.now_ms)
             links = await links_to(connection, drone_ids)
         fleet = fleet_of(found.records, links, versions=found.versions, left_out=held, times=times)
         if not _can_improve(fleet):
             return fleet
-        # These drones keep the missions that they have, and get no others.
-        withdrawn = await self._withdrawn([*fleet.calendars])
-        return fleet.only(fleet.calendars.keys() - withdrawn)
-
-    async def _withdrawn(self, drone_ids: list[DroneId]) -> frozenset[DroneId]:
-        """Drones out of service or due for maintenance, and all beyond the limit of a question."""
-        asked = OutOfServiceQuery(drone_ids=tuple(drone_ids[:MOST_DRONES]))
-        answer = await self.registry.call(
-            "POST", OUT_OF_SERVICE, body=asked, answer=OutOfServiceAnswer
-        )
-        return frozenset((*answer.drone_ids, *answer.due_drone_ids, *drone_ids[MOST_DRONES:]))
+        # All other drones keep the missions that they have, and get no others.
+        fleet = fleet.only([*fleet.calendars][:MAX_DRONES])
+        withdrawn = await out_of_service(self.registry, fleet.calendars)
+        return fleet.only(fleet.calendars.keys() - {*withdrawn.drone_ids, *withdrawn.due_drone_ids})
 
     async def _searched_order(
         self, fleet: Fleet, world: World, times: Moments, *, pools: bool
@@ -238,16 +259,11 @@ class OrderFinder:
         if isinstance(moved, NoTrip):
             log.info("better order has no plan", extra={"code": moved.code, "detail": moved.detail})
             return "no plan now" if moved.is_temporary else "no plan"
-        before = {each.mission_id: each for each in (*affected.waiting, *hosts)}
-        after = [each.record for planned in moved.values() for each in planned]
-        changes = ((before[each.mission_id], each) for each in after)
-        guests = [guest for each in order.merges for guest in each.guests]
-        judgement = judge(changes, tolerance_s=self.terms.tolerance_s, guests=guests)
-        if judgement.late:
-            return BrokenBy(judgement.late)
-        if not judgement.is_better:
-            return "no gain"
-        return BetterOrder(affected, world, times, moved, judgement, order.merges)
+        better = BetterOrder(affected, world, times, moved, order.merges)
+        judgement = better.judged(tolerance_s=self.terms.tolerance_s)
+        if broken := judgement.late | better.refusing:
+            return BrokenBy(broken)
+        return better if judgement.is_better else "no gain"
 
     async def _breaks_refusals(self, fleet: Fleet, orders: Orders) -> bool:
         """Whether a mission would go to a drone that has refused its delivery."""
@@ -295,7 +311,7 @@ def _can_improve(fleet: Fleet) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Dispatcher:
-    """Exchanges what waits between the drones of a provider, if the fleet then delivers earlier.
+    """Exchanges what waits between the drones of a fleet, if the fleet then delivers earlier.
 
     After an adoption it wakes `calendars`.
     """
@@ -309,20 +325,20 @@ class Dispatcher:
         With many fleets it rests between them, so that searches leave the processors to bookings.
         """
         failures = []
-        for network_id, provider_id in await self.finder.fleets():
+        for fleet in await self.finder.fleets():
             await asyncio.sleep(self.finder.search.rest_s)
             try:
-                await self.look_at(network_id, provider_id)
+                await self.look_at(*fleet)
             except Exception as error:  # noqa: BLE001 - one fleet must not stop the others
                 failures.append(error)
         if failures:
             raise ExceptionGroup("fleets not dispatched", failures)
         return False
 
-    async def look_at(self, network_id: NetworkId, provider_id: ProviderId) -> str:
+    async def look_at(self, network_id: NetworkId, *provider_ids: ProviderId) -> str:
         """Find a better order for one fleet and adopt it; returns the outcome."""
         with timed("skyway_dispatch_duration_seconds", "time of a look at one fleet"):
-            found = await self.finder.find(network_id, provider_id)
+            found = await self.finder.find(network_id, *provider_ids)
             outcome = await self.adopt(found) if isinstance(found, BetterOrder) else found
         if outcome != "unsearched":
             count("skyway_dispatch_runs", "searches for a better order", outcome=outcome)
@@ -330,6 +346,11 @@ class Dispatcher:
 
     async def adopt(self, better: BetterOrder) -> str:
         """Save a better order, if nothing has changed since; returns the outcome."""
+        if better.has_exchanges:
+            # A provider may have changed its rule or its tariff, or may be suspended now.
+            tariffs = await exchanging_tariffs(self.finder.registry)
+            if tariffs != better.fleet.tariffs:
+                return "outdated"
         latest_ms = better.first_start_ms - REACHES.ms(self.context.clock)
         lost = await commit(self.context, Change(latest_ms, partial(self._write, better=better)))
         if isinstance(lost, RowRefused):
@@ -337,7 +358,7 @@ class Dispatcher:
             return "taken"
         if lost is not None:
             return "outdated"
-        judgement = better.judgement
+        judgement = better.judged()
         self.context.calendars.set()
         about = "seconds by which adopted orders deliver earlier"
         count("skyway_dispatch_saved_seconds", about, max(0.0, judgement.saved_s))
@@ -359,11 +380,12 @@ class Dispatcher:
 
     async def _write(self, tx: Tx, *, better: BetterOrder) -> None:
         await adopt(self.context, tx, better)
-        judgement = better.judgement
-        await store.note_better_order(
-            tx,
-            better.provider_id,
-            moves=judgement.moves,
-            saved_s=judgement.saved_s,
-            at_ms=self.context.now_ms,
-        )
+        for provider_id in {before.mission.provider_id for before, _ in better.changes}:
+            judgement = better.judged(of=provider_id)
+            await store.note_better_order(
+                tx,
+                provider_id,
+                moves=judgement.moves,
+                saved_s=judgement.saved_s,
+                at_ms=self.context.now_ms,
+            )

@@ -32,7 +32,7 @@ from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, Joi
 from skyway_composition.missions.queue.dispatching.dispatch import free_to_take_off
 from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments, fleet_of
 from skyway_composition.missions.queue.dispatching.merger import Guest, carrying
-from skyway_composition.missions.queue.dispatching.plan_orders import judge, plan_orders
+from skyway_composition.missions.queue.dispatching.plan_orders import plan_orders
 from skyway_composition.missions.queue.plan_queue import etas_ms, latest_ms
 from skyway_composition.planning.offer import Offer, Offers
 from skyway_composition.planning.world import World
@@ -192,14 +192,10 @@ class HostFinder:
         )
         if isinstance(moved, NoTrip):
             return None
-        before = {each.mission_id: each for each in fleet.waiting}
-        after = [each.record for planned in moved.values() for each in planned]
-        judgement = judge(
-            ((before[each.mission_id], each) for each in after), tolerance_s=self.tolerance_s
-        )
-        if judgement.late:
+        order = BetterOrder(fleet, world, times, moved)
+        if order.judged(tolerance_s=self.tolerance_s).late:
             return None
-        return JoinedTrip(BetterOrder(fleet, world, times, moved, judgement), together.shares[-1])
+        return JoinedTrip(order, together.shares[-1])
 
     async def _fleet_of(self, host: MissionRecord, times: Moments) -> Fleet:
         """The calendar of the mission's drone; no calendar if nothing in it may change now."""

@@ -1,15 +1,19 @@
-"""A fleet: the calendars of one provider's drones in one network, with what may still move."""
+"""A fleet: calendars of drones in one network that are planned together, with what may move."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import groupby, takewhile
 
 from skyway.contracts.candidate import Candidate
-from skyway.ids import DroneId, MissionId
+from skyway.delivery.offer import Tariff
+from skyway.delivery.plan import Plan
+from skyway.ids import DroneId, MissionId, ProviderId
+from skyway.network.network import Network
 from skyway.scheduling.stays import Slot, Stay, slot_after
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.networks.store import Present
+from skyway_composition.planning.offer import distance_flown_m, price_of_plan
 
 #: The order of the QUEUED missions of some drones.
 Orders = Mapping[DroneId, tuple[MissionId, ...]]
@@ -75,9 +79,13 @@ class Calendar:
 
 @dataclass(frozen=True, slots=True)
 class Fleet:
-    """The calendars of drones whose waiting missions may be exchanged, by drone."""
+    """The calendars of drones whose waiting missions may be exchanged, by drone.
+
+    With drones of several providers, `tariffs` are those of the providers that exchange deliveries.
+    """
 
     calendars: Mapping[DroneId, Calendar]
+    tariffs: Mapping[ProviderId, Tariff] = field(default_factory=dict)
 
     @property
     def waiting(self) -> tuple[MissionRecord, ...]:
@@ -100,7 +108,40 @@ class Fleet:
     def only(self, drone_ids: Collection[DroneId]) -> "Fleet":
         """The calendars of these drones."""
         kept = {key: each for key, each in self.calendars.items() if key in drone_ids}
-        return Fleet(kept)
+        return replace(self, calendars=kept)
+
+    def may_fly(
+        self, record: MissionRecord, drone: Candidate, plan: Plan, *, network: Network
+    ) -> bool:
+        """Whether this drone may fly the mission by this plan.
+
+        A drone of another provider may if the customer and both providers agree, if the mission
+        flies for one delivery, if it is loaded in the same way, and if the other provider's tariff
+        asks for at most the price that the customer has accepted.
+        """
+        own_id, other_id = record.mission.provider_id, drone.provider_id
+        if own_id == other_id:
+            return True
+        qos, tariff = record.request.qos, self.tariffs.get(other_id)
+        if tariff is None or own_id not in self.tariffs or not qos.may_change_provider:
+            return False
+        is_alike = not record.shares and drone.loading == record.candidate.loading
+        if not is_alike or not qos.providers.admits(other_id):
+            return False
+        distance_m = distance_flown_m(network, plan)
+        asked = price_of_plan(tariff, plan, record.request, distance_m=distance_m)
+        agreed = record.mission.price
+        return asked.currency == agreed.currency and asked.amount <= agreed.amount
+
+    def providers_of(self, record: MissionRecord, *, network: Network) -> tuple[ProviderId, ...]:
+        """The providers all of whose drones here may fly a mission as it is planned now."""
+        drones = [each.candidate for each in self.calendars.values()]
+        # Drones of one provider that are loaded alike may all fly it, or none of them.
+        kinds = {(each.provider_id, each.loading): each for each in drones}
+        plan = record.mission.plan
+        may = {key: self.may_fly(record, kinds[key], plan, network=network) for key in kinds}
+        refused = {provider_id for (provider_id, _), is_allowed in may.items() if not is_allowed}
+        return tuple(sorted({provider_id for provider_id, _ in kinds} - refused))
 
 
 def fleet_of(

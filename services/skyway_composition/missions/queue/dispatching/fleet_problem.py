@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from skyway.delivery.plan import Fly
 from skyway.dispatch.problem import CurrentTrip, FleetDrone, FleetRequest, Prices
-from skyway.ids import MissionId, PackageId, StationId
+from skyway.ids import MissionId, PackageId, ProviderId, StationId
 from skyway.planner.pad_book import OPEN_MS
 from skyway.planner.problem_parts import PackageToDeliver, PadReservation
 from skyway.units import moment_to_ms, ms_to_moment
@@ -59,6 +59,7 @@ def fleet_problem(
         "drones": tuple(
             FleetDrone(
                 drone_id=each.drone_id,
+                provider_id=each.candidate.provider_id,
                 model=with_margins(
                     world.for_drone(each.candidate.learned),
                     Standing(each.candidate.planned_model, slot.soc, slot.station_id),
@@ -79,6 +80,10 @@ def fleet_problem(
                 later_s=later_s[each.mission_id],
                 spare_s=dropoff_s - settings.hand_over_s(each.request.packages),
                 pooling=each.mission_id in may_merge,
+                # A mission that may share a trip stays with its provider.
+                provider_ids=(each.mission.provider_id,)
+                if each.mission_id in may_merge
+                else fleet.providers_of(each, network=world.skyway.network),
             )
             for number, each in enumerate(waiting)
         ),
@@ -106,6 +111,7 @@ def _request(
     later_s: float,
     spare_s: float,
     pooling: bool,
+    provider_ids: tuple[ProviderId, ...],
 ) -> FleetRequest:
     """A waiting mission as a request; requests that were booked earlier have a higher age.
 
@@ -138,6 +144,7 @@ def _request(
         # The end of the tolerance, so that the search needs no tolerance of its own.
         promised_s=(max(latest.values()) - base_ms) / 1000 + later_s if latest else None,
         pooling=pooling,
+        provider_ids=provider_ids,
         weight=weight_of(record),
         planned=CurrentTrip(
             drone_id=record.drone_id, start_s=(record.start.at_ms - base_ms) / 1000

@@ -148,7 +148,7 @@ def _merge(records: Sequence[MissionRecord], drone_id: DroneId) -> Merge:
     guests = []
     for each in filter(_may_be_guest, others):
         together = carrying(host, _guest_of(each))
-        if together is not None:
+        if together is not None and each.mission.provider_id == host.mission.provider_id:
             host = replace(together, promised=(*host.promised, *_flying(each, each.promises)))
             guests.append(each)
     return Merge(host, tuple(guests))

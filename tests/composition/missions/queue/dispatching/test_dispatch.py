@@ -216,7 +216,7 @@ async def test_an_order_is_judged_and_adopted_with_its_plans_in_the_forecast(
         for each in (before, after)
     ]
     saved_s = sum((old - new).total_seconds() for old, new in zip(*ends, strict=True))
-    assert better.judgement.saved_s == pytest.approx(saved_s, abs=0.1)
+    assert better.judged().saved_s == pytest.approx(saved_s, abs=0.1)
     for record in after.values():
         assert record.mission.weather is not None
         flights = [each for each in record.mission.plan.steps if isinstance(each, Fly)]

@@ -1,4 +1,4 @@
-"""The settings in a network's `settings` member, with their defaults."""
+"""A network as it is published, with the settings in its `settings` member."""
 
 from collections.abc import Iterable
 from typing import Annotated
@@ -125,6 +125,14 @@ class NetworkSettings(JsonModel):
             description="The most destinations of one drone's trip.",
         ),
     ] = 8
+
+    joint_dispatch: Annotated[
+        bool,
+        Field(
+            description="Whether the dispatcher plans the drones of all providers together that "
+            "exchange deliveries (`exchanges_deliveries`)."
+        ),
+    ] = False
 
     def hand_over_s(self, packages: Iterable[Package]) -> float:
         """Planned time of each hand-over if these packages are delivered on one trip, seconds."""

@@ -1,0 +1,281 @@
+"""A waiting mission changes its provider only if its customer and both providers agree."""
+
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+import pytest
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.queue.dispatching.adopt import BetterOrder
+from skyway_composition.missions.queue.dispatching.dispatch import Dispatcher
+from skyway_composition.missions.queue.dispatching.fleet import Fleet
+from skyway_composition.missions.queue.dispatching.merger import share_of
+from skyway_composition.statistics.store import better_orders_of
+
+from skyway.delivery.offer import Tariff
+from skyway.ids import ProviderId
+from skyway.runtime.sql.database import Tx
+from tests.composition.busy_network import MODEL, NETWORK_ID, PLACES, add_network
+from tests.composition.busy_world import BusyWorld
+from tests.composition.dispatched_world import (
+    RegistryInService,
+    adopt_after_kills,
+    dispatcher_of,
+    waiting_missions,
+)
+from tests.composition.flown_drone import FlownDrone
+from tests.composition.missions.queue.booked_chain import delivered_by, reports_of, request
+
+pytestmark = pytest.mark.databases("sqlite")
+
+#: With this tariff the drones of a busy world are booked.
+_SAME: Final = Tariff(base=100, per_km=10)
+_FIRST, _SECOND = ProviderId("prv_1"), ProviderId("prv_2")
+_AGREED: Final = {"may_change_provider": True}
+
+
+class TwoProviders(BusyWorld):
+    """A drone of each of two providers, in a network in which they may be planned together."""
+
+    is_joint = True
+
+    async def add_network(self, tx: Tx) -> None:
+        await add_network(tx, now_ms=self.now_ms, settings={"joint_dispatch": self.is_joint})
+
+    def make_drones(self) -> Iterator[FlownDrone]:
+        for number, home in enumerate("aa", 1):
+            yield FlownDrone(
+                f"drn_{number}",
+                model=MODEL,
+                home=home,
+                position=PLACES[home],
+                clock=self.clock,
+                provider_id=f"prv_{number}",
+            )
+
+
+class EachAlone(TwoProviders):
+    """The same in a network in which each provider's drones are planned alone."""
+
+    is_joint = False
+
+
+@pytest.fixture(params=[TwoProviders])
+async def world(migrated_url: str, request: Any) -> AsyncIterator[BusyWorld]:
+    async with request.param(migrated_url) as world:
+        yield world
+
+
+async def book_unevenly(
+    world: BusyWorld, qos: Mapping[str, Any] = _AGREED, *, loading: str = "AUTOMATIC"
+) -> None:
+    """Four missions for the drone of the first provider, and one for that of the second."""
+    for number, (pickup, to, drone) in enumerate([*[("a", "b", 0)] * 4, ("b", "c", 1)], 1):
+        outcome = await world.book(
+            f"dlv{number}",
+            request(f"dlv{number}", pickup, to, qos={**qos} if drone == 0 else {}),
+            loading="AUTOMATIC" if drone == 0 else loading,
+            drones=[world.drones[drone]],
+        )
+        assert outcome == "BOOKED"
+        await world.keep_calendars()
+
+
+def joint(world: BusyWorld, **tariffs: Tariff) -> Dispatcher:
+    """A dispatcher; the providers that are named exchange deliveries, at these tariffs."""
+    return dispatcher_of(world, registry=RegistryInService(tariffs=tariffs))
+
+
+async def look(world: BusyWorld, dispatcher: Dispatcher) -> list[str]:
+    """Look at all fleets as the dispatcher does, once; the outcomes."""
+    found = [await dispatcher.look_at(*each) for each in await dispatcher.finder.fleets()]
+    await world.check()
+    return found
+
+
+async def providers_of(world: BusyWorld) -> dict[str, str]:
+    """The provider of each waiting delivery."""
+    found = (await waiting_missions(world)).values()
+    return {str(each.mission.delivery_id): each.mission.provider_id for each in found}
+
+
+def agreed(records: Mapping[Any, MissionRecord]) -> dict[str, Any]:
+    """What a customer has agreed to: price, terms and promise of each delivery."""
+    return {
+        str(each.mission.delivery_id): (
+            each.mission.price,
+            each.mission.payment_terms,
+            each.candidate.tariff,
+            each.promised,
+        )
+        for each in records.values()
+    }
+
+
+async def test_a_mission_changes_its_provider_if_all_three_agree(world: BusyWorld) -> None:
+    await book_unevenly(world)
+    before = await waiting_missions(world)
+
+    assert await look(world, joint(world, prv_1=_SAME, prv_2=_SAME)) == ["adopted"]
+
+    after = await waiting_missions(world)
+    moved = [name for name, of in (await providers_of(world)).items() if of == "prv_2"]
+    assert set(moved) & {"dlv2", "dlv3", "dlv4"}
+    assert agreed(after) == agreed(before)
+    for name in {*moved} - {"dlv5"}:
+        (report,) = [each for each in await reports_of(world, name) if each.kind == "REPLANNED"]
+        assert (report.code, report.drone_before) == ("PROVIDER_CHANGED", "drn_1")
+        assert report.mission is not None
+        assert (report.provider_id, report.mission.provider_id) == ("prv_2", "prv_2")
+        assert "prv_1" not in report.model_dump_json()
+    await world.end()
+    assert {*moved} <= {*delivered_by(world, 2)}
+
+
+async def test_each_provider_counts_what_was_saved_for_its_own_missions(world: BusyWorld) -> None:
+    await book_unevenly(world)
+
+    await look(world, joint(world, prv_1=_SAME, prv_2=_SAME))
+
+    async with world.db.read() as connection:
+        found = await better_orders_of(connection, None, since_ms=0)
+    assert {name: orders for name, (orders, _) in found.items()}[_FIRST] == 1
+    assert found[_FIRST][1] > 60_000
+
+
+@pytest.mark.parametrize(
+    ("qos", "tariffs"),
+    [
+        ({}, {"prv_1": _SAME, "prv_2": _SAME}),
+        (_AGREED, {"prv_1": _SAME}),
+        (_AGREED, {"prv_2": _SAME}),
+        (_AGREED, {"prv_1": _SAME, "prv_2": Tariff(base=100, per_km=11)}),
+        (_AGREED, {"prv_1": _SAME, "prv_2": _SAME.model_copy(update={"currency": "EUR"})}),
+        (_AGREED | {"providers": {"denied": ["prv_2"]}}, {"prv_1": _SAME, "prv_2": _SAME}),
+        (_AGREED | {"providers": {"pinned": "prv_1"}}, {"prv_1": _SAME, "prv_2": _SAME}),
+        (_AGREED | {"pooling": True}, {"prv_1": _SAME, "prv_2": _SAME}),
+    ],
+    ids=[
+        "the customer does not allow it",
+        "the other provider does not exchange",
+        "the own provider does not exchange",
+        "the other tariff asks for more",
+        "the other tariff has another currency",
+        "the customer denies the other provider",
+        "the customer wants one provider only",
+        "the mission may share a trip",
+    ],
+)
+async def test_a_mission_keeps_its_provider_if(
+    world: BusyWorld, qos: dict[str, Any], tariffs: dict[str, Tariff]
+) -> None:
+    await book_unevenly(world, qos)
+    before = await providers_of(world)
+
+    await look(world, joint(world, **tariffs))
+
+    after = await providers_of(world)
+    assert after == {name: before[name] for name in after}
+
+
+async def test_a_mission_keeps_its_provider_if_the_other_one_loads_otherwise(
+    world: BusyWorld,
+) -> None:
+    await book_unevenly(world, loading="CONFIRMED")
+    before = await providers_of(world)
+
+    await look(world, joint(world, prv_1=_SAME, prv_2=_SAME))
+
+    assert await providers_of(world) == before
+
+
+@pytest.mark.parametrize("world", [EachAlone], indirect=True)
+async def test_a_mission_keeps_its_provider_if_the_network_does_not_allow_it(
+    world: BusyWorld,
+) -> None:
+    await book_unevenly(world)
+    before, dispatcher = await providers_of(world), joint(world, prv_1=_SAME, prv_2=_SAME)
+
+    assert await dispatcher.finder.fleets() == [(NETWORK_ID, _FIRST)]
+    await look(world, dispatcher)
+
+    assert await providers_of(world) == before
+
+
+async def test_a_mission_that_flies_for_several_deliveries_keeps_its_provider(
+    world: BusyWorld,
+) -> None:
+    await book_unevenly(world)
+    skyway = await world.context.networks.current(NETWORK_ID)
+    fleet = Fleet({}, {_FIRST: _SAME, _SECOND: _SAME})
+    [of_second] = [each for each in await world.planned() if each.drone_id == "drn_2"]
+    record, *_ = (await waiting_missions(world)).values()
+    shared = replace(record, shares=(share_of(record),))
+
+    may = [
+        fleet.may_fly(each, of_second.candidate, each.mission.plan, network=skyway.network)
+        for each in (record, shared)
+    ]
+
+    assert may == [True, False]
+
+
+async def test_providers_are_searched_alone_if_together_too_many_missions_wait(
+    world: BusyWorld,
+) -> None:
+    await book_unevenly(world)
+    finder = joint(world, prv_1=_SAME, prv_2=_SAME).finder
+
+    assert await finder.fleets() == [(NETWORK_ID, _FIRST, _SECOND)]
+    assert await replace(finder, most_together=2).fleets() == [(NETWORK_ID, _FIRST)]
+
+
+async def found_by(dispatcher: Dispatcher) -> BetterOrder:
+    found = await dispatcher.finder.find(NETWORK_ID, _FIRST, _SECOND)
+    assert isinstance(found, BetterOrder)
+    assert found.has_exchanges
+    return found
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda tariffs: tariffs.pop(_SECOND),
+        lambda tariffs: tariffs.update({_SECOND: Tariff(base=900)}),
+    ],
+    ids=["a provider has withdrawn its rule", "a tariff has changed"],
+)
+async def test_an_order_is_not_adopted_if_meanwhile(
+    world: BusyWorld, change: Callable[[dict[ProviderId, Tariff]], object]
+) -> None:
+    await book_unevenly(world)
+    registry = RegistryInService(tariffs={"prv_1": _SAME, "prv_2": _SAME})
+    dispatcher, before = dispatcher_of(world, registry=registry), await waiting_missions(world)
+    better = await found_by(dispatcher)
+
+    change(registry.tariffs)
+
+    assert await dispatcher.adopt(better) == "outdated"
+    assert await waiting_missions(world) == before
+
+
+async def test_of_two_leaders_one_moves_a_mission_to_another_provider(world: BusyWorld) -> None:
+    await book_unevenly(world)
+    leaders = [joint(world, prv_1=_SAME, prv_2=_SAME) for _ in range(2)]
+    orders = [await found_by(each) for each in leaders]
+
+    outcomes = [await leader.adopt(each) for leader, each in zip(leaders, orders, strict=True)]
+
+    assert outcomes == ["adopted", "outdated"]
+    await world.check()
+
+
+@pytest.mark.databases("postgresql")
+async def test_an_exchange_that_is_killed_anywhere_changes_nothing(world: BusyWorld) -> None:
+    """On PostgreSQL, where each statement is a wait."""
+    await book_unevenly(world)
+    dispatcher = joint(world, prv_1=_SAME, prv_2=_SAME)
+
+    await adopt_after_kills(world, dispatcher, await found_by(dispatcher))
+
+    assert "prv_2" in {of for name, of in (await providers_of(world)).items() if name != "dlv5"}
