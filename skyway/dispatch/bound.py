@@ -16,7 +16,16 @@ from skyway.dispatch.estimates import Estimates
 from skyway.dispatch.objective import Costs
 from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.problem import FleetProblem
-from skyway.dispatch.walks import LONGEST_S, Start, Walks, has_short_trips, starts_of, walks_of
+from skyway.dispatch.row_bounds import RowBounds, is_small
+from skyway.dispatch.walks import (
+    LONGEST_S,
+    Start,
+    Walks,
+    has_short_trips,
+    sources_of,
+    starts_of,
+    walks_of,
+)
 from skyway.planner.kernels.fleet_bound import fill_future, least_walk
 from skyway.planner.kernels.memory import Floats, Longs
 from skyway.scheduling.stays import Slot
@@ -75,6 +84,8 @@ def lower_bound_s(
         return 0.0
     starts = starts_of(problem, estimates, kinds)
     alone_s = _alone_s(problem, estimates, kinds)
+    if pools is not None and is_small(problem):
+        return max(alone_s, RowBounds(problem, estimates, kinds=kinds, pools=pools).fleet_s())
     horizon_s = min(
         _HORIZONS * max(upper.delivered_s.values()),
         min(each.charged_s for each in starts) + LONGEST_S,
@@ -85,8 +96,7 @@ def lower_bound_s(
         or has_short_trips(estimates, kinds, pools)
     ):
         return alone_s
-    pickups = dict.fromkeys(at for each in problem.requests for at in (each.source, *each.pickups))
-    sources = np.array([estimates.place_of[each] for each in pickups], np.int64)
+    sources = sources_of(problem, estimates)
     made = [
         walks_of(problem, estimates, kind, pools, starts, sources, horizon_s)
         for kind in range(max(kinds) + 1)
