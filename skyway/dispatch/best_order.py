@@ -34,10 +34,12 @@ _Next = Mapping[tuple[int, Pool], PlannedTrip | None]
 class _Node:
     """Trips in the order in which they are planned, what they cost, and a bound of all costs.
 
-    `before` are the trips that could come instead of the last one.
+    `planned` are the numbers of its trips. `before` are the trips that could come instead of the
+    last one.
     """
 
     trips: tuple[DroneTrip, ...]
+    planned: frozenset[int]
     cost_s: float
     bound_s: float
     before: _Next
@@ -64,9 +66,11 @@ class BestOrder:
             pools=self._pools,
             latest_s=limits.latest_s,
         )
+        #: The number of each trip that was looked at, and its cost.
+        self._known: dict[DroneTrip, tuple[int, float]] = {}
         #: The trips of every node so far: in another order they leave the same calendar.
-        self._seen: set[frozenset[DroneTrip]] = set()
-        self._open = [_Node((), 0.0, 0.0, {})]
+        self._seen: set[frozenset[int]] = set()
+        self._open = [_Node((), frozenset(), 0.0, 0.0, {})]
 
     @property
     def is_done(self) -> bool:
@@ -95,11 +99,12 @@ class BestOrder:
             if trip is None or self._is_late(trip):
                 continue
             added = DroneTrip(drone, trip)
-            planned = frozenset((*node.trips, added))
+            number, own_cost_s = self._number_and_cost(added)
+            planned = node.planned | {number}
             if planned in self._seen:
                 continue
             self._seen.add(planned)
-            cost_s = node.cost_s + self._scheduler.pricing.costs((added,), ()).total_s
+            cost_s = node.cost_s + own_cost_s
             rest = left ^ sum(1 << each for each in pool)
             own_s = np.maximum(
                 self._rows.of(*calendar.after(added), rest, most_s=best.costs.total_s),
@@ -107,9 +112,16 @@ class BestOrder:
             )
             bound_s = cost_s + least_shared_out(own_s, others_s[drone], rest)
             if bound_s <= best.costs.total_s - _EQUAL_S:
-                branches.append(_Node((*node.trips, added), cost_s, bound_s, following))
+                branches.append(_Node((*node.trips, added), planned, cost_s, bound_s, following))
         self._open += sorted(branches, key=lambda each: -each.bound_s)
         return best
+
+    def _number_and_cost(self, added: DroneTrip) -> tuple[int, float]:
+        found = self._known.get(added)
+        if found is None:
+            cost_s = self._scheduler.pricing.costs((added,), ()).total_s
+            found = self._known[added] = len(self._known), cost_s
+        return found
 
     def _following(
         self, calendar: Calendar, node: _Node

@@ -17,6 +17,7 @@ from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.walks import nodes_of, sources_of
 from skyway.planner.kernels.fleet_bound import Nodes
 from skyway.planner.kernels.fleet_rows import MOST_LABELS, RowTask, least_rows
+from skyway.planner.kernels.fleet_trips import NEED, SECONDS
 from skyway.planner.kernels.memory import Floats, Longs
 from skyway.planner.pad_book import booked_until_ms
 from skyway.scheduling.stays import Slot
@@ -81,14 +82,9 @@ class RowBounds:
             (kind, Slot(each.station_id, booked_until_ms(each.free_s), each.soc))
             for kind, each in zip(kinds, problem.drones, strict=True)
         ]
-        first_s = np.array(unserved_s)
-        for start in self._starts:
-            own_s = [
-                self._least(*start, 1 << each, math.inf)[1 << each] for each in range(len(requests))
-            ]
-            first_s = np.minimum(first_s, own_s)
         # Each request earns what it costs at least. So a row that costs more than all other
         # requests leave of a good schedule is left out while it is short.
+        first_s = first_costs_s(problem, estimates, kinds)
         for each in self._tasks:
             each.nodes.price[:] = first_s
         self._first_s: Floats = self.members @ first_s
@@ -124,6 +120,28 @@ class RowBounds:
         return least
 
 
+def first_costs_s(problem: FleetProblem, estimates: Estimates, kinds: Sequence[int]) -> Floats:
+    """The least cost of each request if the whole fleet served it alone, or left it unserved.
+
+    Each request is picked up where that is best for it, because a shared trip may begin there.
+    Energy and lateness do not count. ``(requests,)``.
+    """
+    found = []
+    for number, request in enumerate(problem.requests):
+        first_s = min(
+            drone.free_s
+            + estimates.least_s_from(
+                pickup, kind, (number,), start=Slot(drone.station_id, 0, drone.soc)
+            )
+            for drone, kind in zip(problem.drones, kinds, strict=True)
+            for pickup in (request.source, *request.pickups)
+        )
+        waited_s = problem.prices.delivery * (first_s - request.known_s)
+        unserved_s = problem.prices.unserved_s - request.known_s
+        found.append(request.weight * min(waited_s, unserved_s))
+    return np.array(found)
+
+
 def _task(
     problem: FleetProblem,
     estimates: Estimates,
@@ -135,14 +153,16 @@ def _task(
     sources = sources_of(problem, estimates)
     nodes, ready_s = nodes_of(problem, estimates, kind, pools, sources)
     ends, end = np.unique(nodes.end, return_inverse=True)
+    detour = estimates.detour(kind)
+    has_no_pad = detour[nodes.end, nodes.end, SECONDS] > 0
     return RowTask(
         nodes=nodes,
         approach=estimates.approach(kind),
-        detour=estimates.detour(kind),
+        detour=detour,
         sources=sources,
         bits=np.where(nodes.member < 0, 0, 1 << np.maximum(nodes.member, 0)).sum(axis=1),
         end=end,
-        delay=problem.prices.delivery * _weight_at_end(nodes),
+        delay=problem.prices.delivery * _weight_at_end(nodes) * has_no_pad,
         ready_s=ready_s,
         ends=ends,
         latest_s=latest_s,
@@ -151,7 +171,7 @@ def _task(
 
 def _weight_at_end(nodes: Nodes) -> Floats:
     """The weight of the requests that each node serves with its last hand-over, ``(nodes,)``."""
-    need_s = np.where(nodes.member < 0, -math.inf, nodes.served[:, :, 1])
+    need_s = np.where(nodes.member < 0, -math.inf, nodes.served[:, :, NEED])
     is_last = need_s >= need_s.max(axis=1, initial=-math.inf, keepdims=True)
     weight = np.where(is_last & (nodes.member >= 0), nodes.weight[nodes.member], 0.0)
     found: Floats = weight.sum(axis=1)

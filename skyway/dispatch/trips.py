@@ -24,7 +24,6 @@ from skyway.planner.problem import DroneAtStart, Problem
 from skyway.planner.problem_parts import PackageToDeliver
 from skyway.scheduling.stays import Slot
 
-
 #: The most trips around held pads that are cached; then the cache is emptied. Our own choice: with
 #: 100 trips in a plan they are about 30 MB.
 _MOST_CACHED: Final = 4_000

@@ -14,14 +14,15 @@ from skyway.planner.kernels.fleet_bound import Nodes, trip_cost
 from skyway.planner.kernels.memory import Floats, Longs, int64
 
 # Columns of a label: when the drone is free, this moment less what its charge covers, the cost, and
-# the price of a second if the last hand-over is later.
+# the price of a second if the last hand-over is later, so that the drone charges before it. The
+# price is 0 if the drone can charge after it.
 FREE_S = 0
 CHARGED_S = 1
 COST = 2
 DELAY = 3
 
 # The most labels of a set and a place. One more is joined with another one: the label of both has
-# the least of each column. Our own choice.
+# the least of each column, and its last hand-over may be later for nothing. Our own choice.
 MOST_LABELS = 6
 
 
@@ -74,13 +75,13 @@ def least_rows(
         Room for labels ``(sets, ends, MOST_LABELS, 4)`` and their numbers ``(sets, ends)``.
     """
     bits, ends = task.bits, task.ends
-    own = np.flatnonzero(bits & ~left == 0)
     count[: left + 1] = 0
     least[:] = np.inf
     least[0] = 0.0
     start = np.array([free_s, charged_s, 0.0, np.inf])
-    for node in own:
-        _add_trip(task, node, place, start, most, label[bits[node]], count[bits[node]])
+    for node in range(bits.size):
+        if bits[node] & ~left == 0:
+            _add_trip(task, node, place, start, most, label[bits[node]], count[bits[node]])
     for served in range(1, left + 1):
         if served & ~left != 0:
             continue
@@ -88,8 +89,8 @@ def least_rows(
             for number in range(count[served, end]):
                 row = label[served, end, number]
                 least[served] = min(least[served], row[COST])
-                for node in own:
-                    if bits[node] & served == 0:
+                for node in range(bits.size):
+                    if bits[node] & (served | ~left) == 0:
                         both = served | bits[node]
                         _add_trip(task, node, ends[end], row, most, label[both], count[both])
 
@@ -164,13 +165,16 @@ def _add_row(
 def _with_label(
     labels: Floats, count: int, free_s: float, charged_s: float, cost: float, delay: float
 ) -> int:
-    """Keep this label, if no other one is as good in all columns; how many labels there are now."""
+    """Keep this label, if no other one is as good; how many labels there are now.
+
+    A label is as good as another one if it is no worse when it waits for the other one's moment.
+    """
     for number in range(count):
         label = labels[number]
         if (
             label[FREE_S] <= free_s
             and label[CHARGED_S] <= charged_s
-            and label[COST] <= cost
+            and label[COST] + (free_s - label[FREE_S]) * label[DELAY] <= cost
             and label[DELAY] <= delay
         ):
             return count
@@ -180,7 +184,7 @@ def _with_label(
         if (
             label[FREE_S] < free_s
             or label[CHARGED_S] < charged_s
-            or label[COST] < cost
+            or label[COST] < cost + (label[FREE_S] - free_s) * delay
             or label[DELAY] < delay
         ):
             for column in range(label.size):
@@ -192,7 +196,7 @@ def _with_label(
         free_s = min(free_s, label[FREE_S])
         charged_s = min(charged_s, label[CHARGED_S])
         cost = min(cost, label[COST])
-        delay = min(delay, label[DELAY])
+        delay = 0.0
     labels[kept, FREE_S] = free_s
     labels[kept, CHARGED_S] = charged_s
     labels[kept, COST] = cost
