@@ -18,10 +18,10 @@ from skyway.planner.kernels.fleet_trips import NEED
 from skyway.planner.kernels.memory import Floats, Longs
 
 #: The width of a bucket of moments, seconds. Our own choice: wider buckets prove less.
-_WIDTH_S: Final = 15.0
+_WIDTH_S: Final = 30.0
 
 #: The longest time from the first need to the horizon, seconds: four days.
-LONGEST_S: Final = 24_000 * _WIDTH_S
+LONGEST_S: Final = 12_000 * _WIDTH_S
 
 
 @dataclass(frozen=True, slots=True)
