@@ -68,6 +68,24 @@ def test_no_order_of_a_fleet_with_few_pads_costs_less(seed: int, energy_s_per_kw
     assert proven_s == pytest.approx(best_s, abs=0.01)
 
 
+@pytest.mark.parametrize("seed", range(40, 48))
+def test_no_order_costs_less_if_landings_cost_and_loads_are_slow(seed: int) -> None:
+    problem = small_fleet(seed, requests=3)
+    slow = {"speed_full_mps": 10.0, "stop_s": 40.0, "stop_j": 15_000.0}
+    first, *others = problem.drones
+    drones = (first.model_copy(update={"model": first.model.model_copy(update=slow)}), *others)
+    requests = tuple(
+        each.model_copy(update={"weight": 1.0 + number})
+        for number, each in enumerate(problem.requests)
+    )
+    changed = problem.model_copy(update={"drones": drones, "requests": requests})
+
+    found_s, best_s = proven_and_best_s(changed)
+
+    assert found_s == pytest.approx(best_s, abs=0.01)
+    assert proven_s(begun(changed)) <= best_s + 0.1
+
+
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("has_promises", [False, True])
 def test_no_order_of_a_city_fleet_costs_less(seed: int, has_promises: bool) -> None:
