@@ -15,14 +15,9 @@ import numpy as np
 
 from skyway.dispatch.objective import Limits, lateness_of
 from skyway.dispatch.planned_trip import DroneTrip, PlannedTrip, Pool
-from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.row_bounds import RowBounds, least_shared_out, shared_out
 from skyway.dispatch.schedule import Calendar, Schedule, Scheduler
 from skyway.planner.kernels.memory import Floats
-
-#: The largest fleets whose best order is proven. Our own choice: with more, a proof takes minutes.
-_MOST_DRONES: Final = 4
-_MOST_REQUESTS: Final = 8
 
 #: A node is left out if its bound is not lower than the best schedule by so much, seconds. Sums in
 #: another order may differ by less.
@@ -39,26 +34,15 @@ _Next = Mapping[tuple[int, Pool], PlannedTrip | None]
 class _Node:
     """Trips in the order in which they are planned, what they cost, and a bound of all costs.
 
-    `before` are the trips that could come instead of the last one.
+    `planned` are the numbers of its trips. `before` are the trips that could come instead of the
+    last one.
     """
 
     trips: tuple[DroneTrip, ...]
+    planned: frozenset[int]
     cost_s: float
     bound_s: float
     before: _Next
-
-
-def is_small(problem: FleetProblem) -> bool:
-    """Whether the best order of this fleet may be proven.
-
-    If a model flies faster with a load, a later trip may serve a request sooner, and the bounds are
-    not valid.
-    """
-    return (
-        len(problem.drones) <= _MOST_DRONES
-        and len(problem.requests) <= _MOST_REQUESTS
-        and problem.has_slow_loads
-    )
 
 
 class BestOrder:
@@ -75,8 +59,18 @@ class BestOrder:
             for pool in combinations(requests, size)
             if scheduler.planner.sharing.allows(pool)
         ]
-        self._rows = RowBounds(scheduler.problem, scheduler.estimates, self._pools)
-        self._open = [_Node((), 0.0, 0.0, {})]
+        self._rows = RowBounds(
+            scheduler.problem,
+            scheduler.estimates,
+            kinds=scheduler.planner.model_of,
+            pools=self._pools,
+            latest_s=limits.latest_s,
+        )
+        #: The number of each trip that was looked at, and its cost.
+        self._known: dict[DroneTrip, tuple[int, float]] = {}
+        #: The trips of every node so far: in another order they leave the same calendar.
+        self._seen: set[frozenset[int]] = set()
+        self._open = [_Node((), frozenset(), 0.0, 0.0, {})]
 
     @property
     def is_done(self) -> bool:
@@ -99,20 +93,35 @@ class BestOrder:
             found = self._scheduler.in_order(tuple((drone, one.pool) for drone, one in node.trips))
             is_better = found.costs.total_s < best.costs.total_s
             return found if is_better and self._limits.are_kept(found.costs) else best
-        left, alone_s, others_s = self._left(calendar, following)
+        left, alone_s, others_s = self._left(calendar, following, best.costs.total_s)
         branches = []
         for (drone, pool), trip in following.items():
-            if trip is None or self._is_repeated(node, drone, trip) or self._is_late(trip):
+            if trip is None or self._is_late(trip):
                 continue
             added = DroneTrip(drone, trip)
-            cost_s = node.cost_s + self._scheduler.pricing.costs((added,), ()).total_s
+            number, own_cost_s = self._number_and_cost(added)
+            planned = node.planned | {number}
+            if planned in self._seen:
+                continue
+            self._seen.add(planned)
+            cost_s = node.cost_s + own_cost_s
             rest = left ^ sum(1 << each for each in pool)
-            own_s = np.maximum(self._rows.of(*calendar.after(added)), alone_s[drone])
+            own_s = np.maximum(
+                self._rows.of(*calendar.after(added), rest, most_s=best.costs.total_s),
+                alone_s[drone],
+            )
             bound_s = cost_s + least_shared_out(own_s, others_s[drone], rest)
             if bound_s <= best.costs.total_s - _EQUAL_S:
-                branches.append(_Node((*node.trips, added), cost_s, bound_s, following))
+                branches.append(_Node((*node.trips, added), planned, cost_s, bound_s, following))
         self._open += sorted(branches, key=lambda each: -each.bound_s)
         return best
+
+    def _number_and_cost(self, added: DroneTrip) -> tuple[int, float]:
+        found = self._known.get(added)
+        if found is None:
+            cost_s = self._scheduler.pricing.costs((added,), ()).total_s
+            found = self._known[added] = len(self._known), cost_s
+        return found
 
     def _following(
         self, calendar: Calendar, node: _Node
@@ -120,9 +129,11 @@ class BestOrder:
         """The trips that may come next, by drone and requests."""
         served = {number for _, trip in node.trips for number in trip.pool}
         last = node.trips[-1].drone if node.trips else -1
-        for pool in self._pools:
-            if not served.isdisjoint(pool):
-                continue
+        pools = [each for each in self._pools if served.isdisjoint(each)]
+        for drone in range(len(calendar.slots)):
+            if last in (drone, -1):
+                calendar.foresee(pools, drone)
+        for pool in pools:
             for drone in range(len(calendar.slots)):
                 key = (drone, pool)
                 before = node.before.get(key)
@@ -132,7 +143,9 @@ class BestOrder:
                 else:
                     yield key, calendar.plan(pool, drone)
 
-    def _left(self, calendar: Calendar, following: _Next) -> tuple[int, Floats, list[Floats]]:
+    def _left(
+        self, calendar: Calendar, following: _Next, most_s: float
+    ) -> tuple[int, Floats, list[Floats]]:
         """The set of requests that are left, and what each set of them costs at least.
 
         First if a drone serves each request next, ``(drones, sets)``. Then for each drone if all
@@ -151,17 +164,13 @@ class BestOrder:
                 next_s[drone, number] = self._cost_s(number, moment_ms / 1000)
                 left |= 1 << number
         alone_s = next_s @ self._rows.members.T
-        unserved_s = self._rows.members @ [
-            each.weight * (self._scheduler.problem.prices.unserved_s - each.known_s)
-            for each in requests
-        ]
         rows = [
-            np.maximum(self._rows.of(*calendar.kind_and_slot(drone)), each)
+            np.maximum(self._rows.of(*calendar.kind_and_slot(drone), left, most_s=most_s), each)
             for drone, each in enumerate(alone_s)
         ]
         others = []
         for drone in range(len(rows)):
-            shared = unserved_s
+            shared = self._rows.unserved_s
             for other, row in enumerate(rows):
                 if other != drone:
                     shared = shared_out(shared, row, left)
@@ -177,14 +186,6 @@ class BestOrder:
         waited_s = prices.delivery * (moment_s - request.known_s)
         late_s = prices.lateness * lateness_of(request.due_s, moment_s)
         return min(unserved_s, request.weight * (waited_s + late_s))
-
-    def _is_repeated(self, node: _Node, drone: int, trip: PlannedTrip) -> bool:
-        """Whether the last trip and this one are the same if they are planned in turn."""
-        return (
-            len(node.trips) > 0
-            and drone < node.trips[-1].drone
-            and node.before.get((drone, trip.pool)) == trip
-        )
 
     def _is_late(self, trip: PlannedTrip) -> bool:
         """Whether the trip breaks a promise."""

@@ -16,10 +16,18 @@ from skyway.dispatch.estimates import Estimates
 from skyway.dispatch.objective import Costs
 from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.problem import FleetProblem
-from skyway.dispatch.walks import LONGEST_S, Start, Walks, has_short_trips, starts_of, walks_of
+from skyway.dispatch.row_bounds import RowBounds, first_costs_s, is_small
+from skyway.dispatch.walks import (
+    LONGEST_S,
+    Start,
+    Walks,
+    has_short_trips,
+    sources_of,
+    starts_of,
+    walks_of,
+)
 from skyway.planner.kernels.fleet_bound import fill_future, least_walk
 from skyway.planner.kernels.memory import Floats, Longs
-from skyway.scheduling.stays import Slot
 
 #: With more nodes, only the first trip of each drone is computed with its own times.
 _MOST_NODES_FOR_TWO: Final = 400
@@ -74,7 +82,9 @@ def lower_bound_s(
     if not problem.has_slow_loads:
         return 0.0
     starts = starts_of(problem, estimates, kinds)
-    alone_s = _alone_s(problem, estimates, kinds)
+    alone_s = float(first_costs_s(problem, estimates, kinds).sum())
+    if pools is not None and is_small(problem):
+        return max(alone_s, RowBounds(problem, estimates, kinds=kinds, pools=pools).fleet_s())
     horizon_s = min(
         _HORIZONS * max(upper.delivered_s.values()),
         min(each.charged_s for each in starts) + LONGEST_S,
@@ -85,8 +95,7 @@ def lower_bound_s(
         or has_short_trips(estimates, kinds, pools)
     ):
         return alone_s
-    pickups = dict.fromkeys(at for each in problem.requests for at in (each.source, *each.pickups))
-    sources = np.array([estimates.place_of[each] for each in pickups], np.int64)
+    sources = sources_of(problem, estimates)
     made = [
         walks_of(problem, estimates, kind, pools, starts, sources, horizon_s)
         for kind in range(max(kinds) + 1)
@@ -183,23 +192,3 @@ class _Relaxation:
                 visits,
             )
         return bound_s, visits
-
-
-def _alone_s(problem: FleetProblem, estimates: Estimates, kinds: Sequence[int]) -> float:
-    """The least objective if the whole fleet served each request alone, or left it unserved.
-
-    Each request is picked up where that is best for it, because a shared trip may begin there.
-    """
-    total_s = 0.0
-    for number, request in enumerate(problem.requests):
-        first_s = min(
-            drone.free_s
-            + estimates.least_s_from(
-                pickup, kind, (number,), start=Slot(drone.station_id, 0, drone.soc)
-            )
-            for drone, kind in zip(problem.drones, kinds, strict=True)
-            for pickup in (request.source, *request.pickups)
-        )
-        waited_s = problem.prices.delivery * (first_s - request.known_s)
-        total_s += request.weight * min(waited_s, problem.prices.unserved_s - request.known_s)
-    return total_s

@@ -14,6 +14,7 @@ import numpy as np
 from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.pools import Sharing, pickups_of
 from skyway.dispatch.problem import FleetProblem, FleetRequest
+from skyway.dispatch.stop_orders import StopOrders, Stops, orders_of
 from skyway.drone.charging import fastest_s_per_soc, model_on_pad
 from skyway.drone.flight import flight_power_w, speed_mps
 from skyway.drone.model import DroneModel
@@ -22,6 +23,7 @@ from skyway.network.network import Network
 from skyway.planner.kernels.fleet_trips import NEED, SECONDS, estimate_trip
 from skyway.planner.kernels.memory import Floats, Longs
 from skyway.planner.kernels.ways import lengths_from
+from skyway.planner.trip_terms import to_pad_m
 from skyway.scheduling.stays import Slot
 from skyway.units import LOAD_TOLERANCE_KG
 
@@ -78,7 +80,9 @@ class Estimates:
         self.s_per_j = [
             fastest_s_per_soc(model_on_pad(each, strongest_w)) / each.battery_j for each in models
         ]
-        self._approaches = [self._approach(kind) for kind in range(len(models))]
+        self._approaches = [self._flights(kind, self.apart_m) for kind in range(len(models))]
+        self._detours_m = [self._detour_m(each) for each in models]
+        self._escapes_s = [self._escape_s(each) for each in range(len(models))]
         self._source_of: dict[Pool, StationId] = {}
         self._found: dict[tuple[StationId, int, Pool], TripEstimate] = {}
 
@@ -86,15 +90,47 @@ class Estimates:
         """``(places, places, 3)``: seconds, need and joules of the empty flight."""
         return self._approaches[kind]
 
-    def _approach(self, kind: int) -> Floats:
+    def _flights(self, kind: int, apart_m: Floats) -> Floats:
+        """Seconds, need and joules of empty flights of these lengths."""
         model = self.models[kind]
         s_per_m = 1.0 / model.speed_empty_mps
-        is_apart = self.apart_m > 0
-        seconds = self.apart_m * s_per_m + np.where(is_apart, model.stop_s, 0.0)
-        joules = self.apart_m * s_per_m * model.power_empty_w
+        is_apart = apart_m > 0
+        seconds = apart_m * s_per_m + np.where(is_apart, model.stop_s, 0.0)
+        joules = apart_m * s_per_m * model.power_empty_w
         joules += np.where(is_apart, model.stop_j, 0.0)
         approach = np.stack([seconds, seconds + joules * self.s_per_j[kind], joules], axis=-1)
         return np.minimum(approach, OUT_OF_REACH)
+
+    def detour(self, kind: int) -> Floats:
+        """The same as `approach`, if the drone passes a pad on its way."""
+        return self._flights(kind, self._detours_m[kind])
+
+    def _detour_m(self, model: DroneModel) -> Floats:
+        """``(places, places)``: metres between places if the drone passes a pad that fits it."""
+        network = self._problem.network.fitting(model.connector)
+        pads = np.flatnonzero(network.columns.pads > 0)
+        rows = np.array([network.row_of[each] for each in self.places], np.int64)
+        there_m, back_m = (
+            np.array(
+                [
+                    lengths_from(
+                        way.offsets, way.station, way.length_m, row, pads, len(network.stations)
+                    )
+                    for row in rows
+                ]
+            )
+            for way in (network.outgoing, network.incoming)
+        )
+        detour_m = (there_m[:, None] + back_m).min(axis=2, initial=np.inf)
+        # Sums in another order differ by less than a millimetre.
+        return np.where(detour_m <= self.apart_m + 1e-3, self.apart_m, detour_m)
+
+    def _escape_s(self, kind: int) -> Floats:
+        model, network = self.models[kind], self._problem.network
+        away_m = to_pad_m(network.fitting(model.connector))
+        j_per_m = model.power_empty_w / model.speed_empty_mps
+        own_m = away_m[[network.row_of[each] for each in self.places]]
+        return np.minimum(own_m * j_per_m * self.s_per_j[kind], OUT_OF_REACH)
 
     def pickups(self, pool: Pool) -> tuple[StationId, ...]:
         """The stations where the trip of these requests may be loaded."""
@@ -161,17 +197,47 @@ class Estimates:
         least = trip.least.min(axis=0)
         return float(max(seconds + least[SECONDS], need + least[NEED] - credit_s))
 
+    def orders(self, source: StationId, kind: int, pool: Pool) -> StopOrders:
+        """The orders in which a trip from this pickup may serve these requests."""
+        requests = [self._problem.requests[each] for each in pool]
+        masses, loading_s = self._after_loading(source, requests)
+        places = [self.place_of[each] for each in masses]
+        here = self.place_of[source]
+        if not places:
+            least, served = (
+                np.array([[loading_s, loading_s, 0.0]]),
+                np.full((1, len(pool), 2), loading_s),
+            )
+            return StopOrders(np.array([here]), least, served, self._escapes_s[kind][[here]])
+        model, number_of = self.models[kind], {each: number for number, each in enumerate(masses)}
+        ends = [{one.destination for one in each.packages} for each in requests]
+        stops = Stops(
+            np.array(places, np.int64),
+            [[number_of[one] for one in each if one in number_of] for each in ends],
+            self.apart_m[np.ix_([*places, here], places)],
+            self._detours_m[kind][np.ix_([*places, here], places)],
+            *_rates(model, list(masses.values())),
+            np.array([self._problem.dropoff_s + model.stop_s, model.stop_j]),
+            self._escapes_s[kind][[*places, here]],
+        )
+        return orders_of(stops, loading_s=loading_s, s_per_j=self.s_per_j[kind])
+
+    def _after_loading(
+        self, source: StationId, requests: Sequence[FleetRequest]
+    ) -> tuple[dict[StationId, float], float]:
+        """The mass for each destination but the pickup, and how long the drone is at the pickup."""
+        masses = _masses_by_destination(requests)
+        if masses.pop(source, None) is None:
+            return masses, self._problem.loading_s
+        return masses, self._problem.loading_s + self._problem.dropoff_s
+
     def _estimated(self, source: StationId, kind: int, pool: Pool) -> TripEstimate:
         problem, model = self._problem, self.models[kind]
         requests = [problem.requests[each] for each in pool]
-        masses = _masses_by_destination(requests)
-        loading_s = problem.loading_s
         if not self._may_fly(kind, pool):
             here, never = self.place_of[source], np.full(3, OUT_OF_REACH)
             return TripEstimate(np.array([here]), never[None, :], never, here, (0.0,) * len(pool))
-        if source in masses:
-            masses.pop(source)
-            loading_s += problem.dropoff_s
+        masses, loading_s = self._after_loading(source, requests)
         rows = np.array([self.place_of[each] for each in masses], np.int64)
         if not len(rows):
             both = np.array([loading_s, loading_s, 0.0])

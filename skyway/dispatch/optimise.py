@@ -10,13 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skyway.dispatch.best_order import BestOrder, is_small
+from skyway.dispatch.best_order import BestOrder
 from skyway.dispatch.bound import lower_bound_s
 from skyway.dispatch.check import violations
 from skyway.dispatch.objective import Limits
 from skyway.dispatch.order_moves import Order, OrderMoves
 from skyway.dispatch.plan import FleetPlan
 from skyway.dispatch.problem import FleetProblem
+from skyway.dispatch.row_bounds import is_small
 from skyway.dispatch.rows import Board
 from skyway.dispatch.schedule import Scheduler
 from skyway.dispatch.search import MOST_STEPS, OrderSearch
@@ -134,7 +135,7 @@ def begun(problem: FleetProblem, *, seed: int = 0) -> OrderSearch:
         shared=scheduler.planner.sharing.pools(),
     )
     board.limit(limits)
-    scheduler.planner.latest_s = limits.latest_s
+    scheduler.planner.keep(limits.latest_s)
     moves = OrderMoves(
         len(problem.requests),
         len(problem.drones),

@@ -49,6 +49,15 @@ class FleetPads:
         for each in sessions:
             self._held.setdefault(each.station_id, []).append(each)
 
+    def after(self, moment_ms: int) -> frozenset[HeldPad]:
+        """The sessions that a trip from this moment on may meet."""
+        return frozenset(
+            each
+            for held in self._held.values()
+            for each in held
+            if each.end_ms + self._gap_ms > moment_ms
+        )
+
     def fitted(self, sessions: Sequence[HeldPad]) -> tuple[HeldPad, ...] | None:
         """The sessions of one drone, each on a pad that is free; None if one finds no pad."""
         found = []

@@ -30,7 +30,7 @@ class PlannedTrip:
 
     `delivered_ms` is by request, in the order of `pool`. `end` is where, when and with what charge
     the drone is free after its last hand-over. `pads` are the sessions of the plan; a session may
-    have moved to another pad of its station. `found` makes the plan.
+    have moved to another pad of its station. Row `row` of `found` makes the plan.
     """
 
     pool: Pool
@@ -40,6 +40,7 @@ class PlannedTrip:
     energy_j: float
     pads: tuple[HeldPad, ...]
     found: PlannedTrips | None = field(default=None, compare=False)
+    row: int = field(default=0, compare=False)
 
     @classmethod
     def of(cls, pool: Pool, requests: Sequence[FleetRequest], *, slot: Slot, plan: Plan) -> Self:
@@ -91,7 +92,7 @@ class PlannedTrip:
         """
         if self.found is None:
             raise ValueError(f"the trip of {self.pool} was read from a plan")
-        plan = self.found.plan(0)
+        plan = self.found.plan(self.row)
         names = [one.package_id for each in self.pool for one in requests[each].packages]
         pads = iter(self.pads)
 

@@ -3,87 +3,178 @@
 A set of requests is a number whose bit r says that request r belongs to it.
 """
 
-from collections.abc import Sequence
-from functools import cache
+import math
+from collections.abc import Mapping, Sequence
+from functools import cache, reduce
+from types import MappingProxyType
+from typing import Final
 
 import numpy as np
 
 from skyway.dispatch.estimates import Estimates
 from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.problem import FleetProblem
-from skyway.planner.kernels.fleet_trips import NEED
+from skyway.dispatch.walks import nodes_of, sources_of
+from skyway.planner.kernels.fleet_bound import Nodes
+from skyway.planner.kernels.fleet_rows import MOST_LABELS, RowTask, least_rows
+from skyway.planner.kernels.fleet_trips import NEED, SECONDS
 from skyway.planner.kernels.memory import Floats, Longs
+from skyway.planner.pad_book import booked_until_ms
 from skyway.scheduling.stays import Slot
+
+#: The largest fleets whose best order is proven. Our own choice: with more, a proof takes minutes.
+_MOST_DRONES: Final = 4
+_MOST_REQUESTS: Final = 8
+
+
+def is_small(problem: FleetProblem) -> bool:
+    """Whether the rows of this fleet are few enough to look at each set of requests.
+
+    If a model flies faster with a load, a later trip may serve a request sooner, and the bounds are
+    not valid.
+    """
+    return (
+        len(problem.drones) <= _MOST_DRONES
+        and len(problem.requests) <= _MOST_REQUESTS
+        and problem.has_slow_loads
+    )
 
 
 class RowBounds:
-    """Least costs of one drone that serves a set of requests, without lateness and energy."""
+    """Least costs of the drones of a small fleet for each set of requests.
 
-    def __init__(self, problem: FleetProblem, estimates: Estimates, pools: Sequence[Pool]) -> None:
+    Parameters
+    ----------
+    kinds
+        The number of each drone's model, as `estimates` counts them.
+    pools
+        All sets of requests that may share a trip, single requests too.
+    latest_s
+        The latest delivery of requests with a promise.
+    """
+
+    def __init__(
+        self,
+        problem: FleetProblem,
+        estimates: Estimates,
+        *,
+        kinds: Sequence[int],
+        pools: Sequence[Pool],
+        latest_s: Mapping[int, float] = MappingProxyType({}),
+    ) -> None:
         requests = problem.requests
+        numbers = np.arange(len(requests))
         self._estimates = estimates
         #: ``(sets, requests)``: whether the request belongs to the set.
-        self.members = np.array(
-            [
-                [each >> number & 1 for number in range(len(requests))]
-                for each in range(1 << len(requests))
-            ],
-            np.float64,
-        )
-        weight = np.array([problem.prices.delivery * each.weight for each in requests])
-        known_s = np.array([each.known_s for each in requests])
-        self._weight = self.members @ weight
-        self._known = self.members @ (weight * known_s)
-        self._least = [
-            _least(self._weight, weight, problem.hand_over_s, estimates, kind, pools)
-            for kind in range(len(estimates.models))
+        self.members = (np.arange(1 << len(requests))[:, None] >> numbers & 1).astype(np.float64)
+        unserved_s = [each.weight * (problem.prices.unserved_s - each.known_s) for each in requests]
+        #: ``(sets,)``: the cost if all requests of the set are unserved.
+        self.unserved_s: Floats = self.members @ unserved_s
+        latest = np.array([latest_s.get(each, math.inf) for each in range(len(requests))])
+        self._tasks = [
+            _task(problem, estimates, kind, pools, latest) for kind in range(len(estimates.models))
         ]
+        ends = max(len(each.ends) for each in self._tasks)
+        self._label = np.empty((len(self.members), ends, MOST_LABELS, 4))
+        self._count = np.empty((len(self.members), ends), np.int64)
+        self._found: dict[tuple[int, Slot], tuple[int, Floats]] = {}
+        self._starts = [
+            (kind, Slot(each.station_id, booked_until_ms(each.free_s), each.soc))
+            for kind, each in zip(kinds, problem.drones, strict=True)
+        ]
+        # Each request earns what it costs at least. So a row that costs more than all other
+        # requests leave of a good schedule is left out while it is short.
+        first_s = first_costs_s(problem, estimates, kinds)
+        for each in self._tasks:
+            each.nodes.price[:] = first_s
+        self._first_s: Floats = self.members @ first_s
 
-    def of(self, kind: int, slot: Slot) -> Floats:
-        """The least cost of each set for a drone of this model from this slot on, ``(sets,)``."""
-        place = self._estimates.place_of[slot.station_id]
-        free_s = slot.at_ms / 1000
-        starts_s = np.array([[free_s], [free_s - self._estimates.credit_s(kind, slot.soc)]])
-        costs = self._least[kind][:, :, place] + starts_s * self._weight - self._known
-        found: Floats = costs.max(axis=0)
-        return found
+    def of(self, kind: int, slot: Slot, left: int, *, most_s: float) -> Floats:
+        """The least cost of each set in `left` for a drone of this model from this slot on.
+
+        ``(sets,)``; inf for a set that it cannot serve, or only in a schedule that costs more than
+        `most_s`.
+        """
+        known, least = self._found.get((kind, slot), (0, self._first_s))
+        if left & ~known or not known:
+            left |= known
+            least = self._least(kind, slot, left, most_s - self._first_s[-1]) + self._first_s
+            self._found[kind, slot] = left, least
+        return least
+
+    def fleet_s(self) -> float:
+        """The least cost of all requests, in every plan of the fleet."""
+        every = len(self.members) - 1
+        rows = (self.of(*each, every, most_s=math.inf) for each in self._starts)
+        return float(
+            reduce(lambda one, row: shared_out(one, row, every), rows, self.unserved_s)[-1]
+        )
+
+    def _least(self, kind: int, slot: Slot, left: int, most: float) -> Floats:
+        """The least cost of each set in `left`, less what its requests earn, ``(sets,)``."""
+        least = np.empty(len(self.members))
+        place, free_s = self._estimates.place_of[slot.station_id], slot.at_ms / 1000
+        charged_s = free_s - self._estimates.credit_s(kind, slot.soc)
+        task, room = self._tasks[kind], (self._label, self._count)
+        least_rows(task, place, free_s, charged_s, left, most, *room, least)
+        return least
 
 
-def _least(
-    weight_of: Floats,
-    weight: Floats,
-    hand_over_s: float,
+def first_costs_s(problem: FleetProblem, estimates: Estimates, kinds: Sequence[int]) -> Floats:
+    """The least cost of each request if the whole fleet served it alone, or left it unserved.
+
+    Each request is picked up where that is best for it, because a shared trip may begin there.
+    Energy and lateness do not count. ``(requests,)``.
+    """
+    found = []
+    for number, request in enumerate(problem.requests):
+        first_s = min(
+            drone.free_s
+            + estimates.least_s_from(
+                pickup, kind, (number,), start=Slot(drone.station_id, 0, drone.soc)
+            )
+            for drone, kind in zip(problem.drones, kinds, strict=True)
+            for pickup in (request.source, *request.pickups)
+        )
+        waited_s = problem.prices.delivery * (first_s - request.known_s)
+        unserved_s = problem.prices.unserved_s - request.known_s
+        found.append(request.weight * min(waited_s, unserved_s))
+    return np.array(found)
+
+
+def _task(
+    problem: FleetProblem,
     estimates: Estimates,
     kind: int,
     pools: Sequence[Pool],
-) -> Floats:
-    """Weighted seconds to serve each set from each place on, ``(2, sets, places)``.
+    latest_s: Floats,
+) -> RowTask:
+    """The trips of one model as arrays."""
+    sources = sources_of(problem, estimates)
+    nodes, ready_s = nodes_of(problem, estimates, kind, pools, sources)
+    ends, end = np.unique(nodes.end, return_inverse=True)
+    detour = estimates.detour(kind)
+    has_no_pad = detour[nodes.end, nodes.end, SECONDS] > 0
+    return RowTask(
+        nodes=nodes,
+        approach=estimates.approach(kind),
+        detour=detour,
+        sources=sources,
+        bits=np.where(nodes.member < 0, 0, 1 << np.maximum(nodes.member, 0)).sum(axis=1),
+        end=end,
+        delay=problem.prices.delivery * _weight_at_end(nodes) * has_no_pad,
+        ready_s=ready_s,
+        ends=ends,
+        latest_s=latest_s,
+    )
 
-    The first axis counts the flights only, and the needs.
-    """
-    approach = estimates.approach(kind)[:, :, : NEED + 1].transpose(2, 1, 0)
-    bits, source, end, after, served = [], [], [], [], []
-    for pool in pools:
-        for at in estimates.pickups(pool):
-            trip = estimates.trip_from(at, kind, pool)
-            alone = [estimates.trip_from(at, kind, (one,)).least.min(axis=0) for one in pool]
-            in_pool = sum(weight[one] * each for one, each in zip(pool, alone, strict=True))
-            for place, least in zip(trip.ends.tolist(), trip.least, strict=True):
-                bits.append(sum(1 << one for one in pool))
-                source.append(estimates.place_of[at])
-                end.append(place)
-                after.append(least[: NEED + 1] + hand_over_s)
-                served.append(in_pool[: NEED + 1])
-    bits_of, source_of, end_of = np.array(bits), np.array(source), np.array(end)
-    after_of, served_of = np.array(after).T, np.array(served).T
-    found = np.zeros((NEED + 1, len(weight_of), approach.shape[2]))
-    for each in range(1, len(weight_of)):
-        here = np.flatnonzero(bits_of & ~each == 0)
-        rest = each ^ bits_of[here]
-        costs = served_of[:, here] + weight_of[rest] * after_of[:, here]
-        costs += found[:, rest, end_of[here]]
-        flown = weight_of[each] * approach[:, source_of[here]]
-        found[:, each] = (costs[:, :, None] + flown).min(axis=1)
+
+def _weight_at_end(nodes: Nodes) -> Floats:
+    """The weight of the requests that each node serves with its last hand-over, ``(nodes,)``."""
+    need_s = np.where(nodes.member < 0, -math.inf, nodes.served[:, :, NEED])
+    is_last = need_s >= need_s.max(axis=1, initial=-math.inf, keepdims=True)
+    weight = np.where(is_last & (nodes.member >= 0), nodes.weight[nodes.member], 0.0)
+    found: Floats = weight.sum(axis=1)
     return found
 
 

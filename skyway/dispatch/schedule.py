@@ -74,6 +74,10 @@ class Calendar:
         """The trip of this drone after its trips so far, not added yet; None if it has no plan."""
         return self._planner.plan(pool, drone, self.slots[drone], self._pads, self._new_pads)
 
+    def foresee(self, pools: Iterable[Pool], drone: int) -> None:
+        """Plan these trips of this drone as if every pad were free, so that `plan` is faster."""
+        self._planner.foresee(pools, drone, self.slots[drone])
+
     def has_room(self, trip: PlannedTrip | None) -> bool:
         """Whether the pads of this trip are free; True if there is no trip."""
         return trip is None or self._pads.fitted(trip.pads) == trip.pads

@@ -57,7 +57,7 @@ _MOVES_IN_VAIN: Final = 60
 
 #: Nodes of the branch and bound in each round. Our own choice: with more, the moves of fleets that
 #: cannot be proven within the budget find less.
-_NODES: Final = 10
+_NODES: Final = 100
 
 
 @dataclass(slots=True)

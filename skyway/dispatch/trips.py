@@ -4,10 +4,10 @@ Only this file of the dispatcher calls the planner.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import timedelta
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -19,10 +19,14 @@ from skyway.drone.model import DroneModel
 from skyway.ids import StationId
 from skyway.planner import PadLedger, Trips, TripTerms, compose, compose_many
 from skyway.planner.pad_book import PadBook, booked_until_ms
-from skyway.planner.planned_trips import TripOutcome
+from skyway.planner.planned_trips import PlannedTrips, TripOutcome
 from skyway.planner.problem import DroneAtStart, Problem
 from skyway.planner.problem_parts import PackageToDeliver
 from skyway.scheduling.stays import Slot
+
+#: The most trips around held pads that are cached; then the cache is emptied. Our own choice: with
+#: 100 trips in a plan they are about 30 MB.
+_MOST_CACHED: Final = 4_000
 
 
 class _Ledgers(NamedTuple):
@@ -82,11 +86,12 @@ class TripPlanner:
             next((each, each.kinds.index(kind)) for each in self._ledgers if kind in each.kinds)
             for kind in range(len(self.models))
         ]
-        #: The latest delivery of requests with a promise, which shared trips try to keep.
-        self.latest_s: Mapping[int, float] = {}
+        self._latest_s: Mapping[int, float] = {}
         #: Whether no search for a trip has ended early for lack of labels.
         self.is_exact = True
         self._cached: dict[tuple[int, StationId, float, Pool], PlannedTrip | None] = {}
+        #: Trips around these held pads.
+        self._around: dict[tuple[int, Slot, Pool, frozenset[HeldPad]], PlannedTrip | None] = {}
         network = problem.network
         self._is_timeless = not (
             problem.closures
@@ -94,6 +99,11 @@ class TripPlanner:
             or network.opening_hours
             or any(each.has_windows for each in problem.requests)
         )
+
+    def keep(self, latest_s: Mapping[int, float]) -> None:
+        """Try to keep these latest deliveries of requests with a promise in shared trips."""
+        self._latest_s = latest_s
+        self._around.clear()
 
     def begin(self) -> None:
         """Release all pads that trips hold."""
@@ -127,111 +137,128 @@ class TripPlanner:
                 moved = undisturbed.moved(slot, fitted)
                 if not self._breaks_promises(moved):
                     return moved
+        key = (self.model_of[drone], slot, pool, pads.after(slot.at_ms))
+        if key in self._around:
+            return self._around[key]
         for session in new:
             parts = self._reserved.new_parts(pads.widened(session))
             for each in self._ledgers:
                 each.held.reserve(parts)
         new.clear()
         ledgers, _ = self._ledgers_of[self.model_of[drone]]
-        trip = self._planned(pool, drone, slot, ledgers.held)
-        if trip is None or not self._breaks_promises(trip):
-            return trip
-        return self._planned(pool, drone, slot, ledgers.held, latest_s=self.latest_s) or trip
+        (trip,) = self._planned((pool,), drone, slot, ledgers.held)
+        if trip is not None and self._breaks_promises(trip):
+            (kept,) = self._planned((pool,), drone, slot, ledgers.held, latest_s=self._latest_s)
+            trip = kept or trip
+        if len(self._around) >= _MOST_CACHED:
+            self._around.clear()
+        self._around[key] = trip
+        return trip
 
     def _breaks_promises(self, trip: PlannedTrip) -> bool:
         """Whether the requests share the trip, and one of them is delivered too late."""
         return len(trip.pool) > 1 and any(
-            moment_ms / 1000 > self.latest_s.get(number, math.inf)
+            moment_ms / 1000 > self._latest_s.get(number, math.inf)
             for number, moment_ms in zip(trip.pool, trip.delivered_ms, strict=True)
         )
 
+    def foresee(self, pools: Iterable[Pool], drone: int, slot: Slot) -> None:
+        """Plan these trips as if every pad were free, in one call of the planner."""
+        if not self._is_timeless:
+            return
+        kind = self.model_of[drone]
+        keys = [(kind, slot.station_id, slot.soc, pool) for pool in pools]
+        keys = [each for each in keys if each not in self._cached]
+        if keys:
+            ledgers, _ = self._ledgers_of[kind]
+            trips = self._planned([pool for *_, pool in keys], drone, slot, ledgers.free)
+            self._cached.update(zip(keys, trips, strict=True))
+
     def _undisturbed(self, pool: Pool, drone: int, slot: Slot) -> PlannedTrip | None:
-        key = (self.model_of[drone], slot.station_id, slot.soc, pool)
-        if key not in self._cached:
-            ledgers, _ = self._ledgers_of[self.model_of[drone]]
-            self._cached[key] = self._planned(pool, drone, slot, ledgers.free)
-        return self._cached[key]
+        self.foresee((pool,), drone, slot)
+        return self._cached[self.model_of[drone], slot.station_id, slot.soc, pool]
 
     def _planned(
         self,
-        pool: Pool,
+        pools: Sequence[Pool],
         drone: int,
         slot: Slot,
         ledger: PadLedger,
         *,
         latest_s: Mapping[int, float] = MappingProxyType({}),
-    ) -> PlannedTrip | None:
-        """The trip that keeps `latest_s` and ends first, from any pickup that is tried.
+    ) -> list[PlannedTrip | None]:
+        """For each pool the trip that keeps `latest_s` and ends first, from any tried pickup.
 
         If two end together, that with less energy. None if none is found.
         """
-        pickups = self.sharing.pickups(pool)
-        trips = (self._planned_from(each, pool, drone, slot, ledger, latest_s) for each in pickups)
-        return min(
-            (each for each in trips if each is not None),
-            key=lambda each: (each.end.at_ms, each.energy_j),
-            default=None,
-        )
-
-    def _planned_from(
-        self,
-        source: StationId,
-        pool: Pool,
-        drone: int,
-        slot: Slot,
-        ledger: PadLedger,
-        latest_s: Mapping[int, float],
-    ) -> PlannedTrip | None:
-        columns = self._columns(source, pool, drone, slot, latest_s)
+        loaded = [(at, pool) for pool in pools for at in self.sharing.pickups(pool)]
+        columns = self._columns(loaded, drone, slot, latest_s)
         found = compose_many(columns, ledger, labels_per_trip=self.problem.label_limit)
-        self.is_exact &= found.outcome[0] not in (TripOutcome.FEASIBLE, TripOutcome.UNKNOWN)
-        if not found.is_planned[0]:
-            return None
+        trips: dict[Pool, list[PlannedTrip]] = {pool: [] for pool in pools}
+        for number, (_, pool) in enumerate(loaded):
+            outcome = found.outcome[number]
+            self.is_exact &= outcome not in (TripOutcome.FEASIBLE, TripOutcome.UNKNOWN)
+            if found.is_planned[number]:
+                trips[pool].append(self._trip_of(found, number, pool, drone, slot))
+        return [
+            min(trips[pool], key=lambda each: (each.end.at_ms, each.energy_j), default=None)
+            for pool in pools
+        ]
+
+    def _trip_of(
+        self, found: PlannedTrips, row: int, pool: Pool, drone: int, slot: Slot
+    ) -> PlannedTrip:
+        """The trip in this row of planned trips."""
         ids = self.problem.network.columns.station_ids
-        ends_s, delivered_ms, first = found.delivered_s.tolist(), [], 0
+        first = int(found.trips.package_offsets[row])
+        delivered_ms = []
         for number in pool:
             last = first + len(self.problem.requests[number].packages)
-            delivered_ms.append(booked_until_ms(max(ends_s[first:last])))
+            delivered_ms.append(booked_until_ms(float(found.delivered_s[first:last].max())))
             first = last
         model = self.problem.drones[drone].model
         # Sums in another order than in the plan's steps may end a rounding error below the reserve.
-        soc = max(model.reserve_soc, float(found.end_soc[0]))
-        end = Slot(ids[int(found.end_row[0])], booked_until_ms(float(found.end_s[0])), soc)
+        soc = max(model.reserve_soc, float(found.end_soc[row]))
+        end = Slot(ids[int(found.end_row[row])], booked_until_ms(float(found.end_s[row])), soc)
         pads = tuple(
-            HeldPad(ids[row], pad, from_ms, until_ms)
-            for row, pad, from_ms, until_ms in found.sessions(0).tolist()
+            HeldPad(ids[station], pad, from_ms, until_ms)
+            for station, pad, from_ms, until_ms in found.sessions(row).tolist()
         )
-        return PlannedTrip(
-            pool, slot, tuple(delivered_ms), end, float(found.energy_j[0]), pads, found
-        )
+        energy_j = float(found.energy_j[row])
+        return PlannedTrip(pool, slot, tuple(delivered_ms), end, energy_j, pads, found, row)
 
     def _columns(
-        self, source: StationId, pool: Pool, drone: int, slot: Slot, until_s: Mapping[int, float]
+        self,
+        loaded: Sequence[tuple[StationId, Pool]],
+        drone: int,
+        slot: Slot,
+        until_s: Mapping[int, float],
     ) -> Trips:
-        """One trip from this pickup as the planner's columns."""
+        """The trips of these pickups and pools as the planner's columns."""
         row_of = self.problem.network.row_of
-        requests = [self.problem.requests[each] for each in pool]
-        packages = [one for each in requests for one in each.packages]
+        pools = [[self.problem.requests[each] for each in pool] for _, pool in loaded]
+        packages = [[one for each in pool for one in each.packages] for pool in pools]
+        each_package = [one for each in packages for one in each]
         latest_of = [
             min(until_s.get(number, math.inf), math.inf if one.latest_s is None else one.latest_s)
-            for number, each in zip(pool, requests, strict=True)
-            for one in each.packages
+            for _, pool in loaded
+            for number in pool
+            for one in self.problem.requests[number].packages
         ]
-        earliest_s = _last([each.pickup_not_before_s for each in requests])
-        latest_s = _first([each.pickup_latest_s for each in requests])
         return Trips.of(
             start_row=row_of[slot.station_id],
             start_s=slot.at_ms / 1000,
             soc=slot.soc,
             model=self._ledgers_of[self.model_of[drone]][1],
-            source_row=row_of[source],
-            pickup_not_before_s=-math.inf if earliest_s is None else earliest_s,
-            pickup_latest_s=math.inf if latest_s is None else latest_s,
-            package_offsets=[0, len(packages)],
-            destination_row=[row_of[each.destination] for each in packages],
-            mass_kg=[each.mass_kg for each in packages],
+            source_row=[row_of[source] for source, _ in loaded],
+            pickup_not_before_s=[_last(one.pickup_not_before_s for one in each) for each in pools],
+            pickup_latest_s=[_first(one.pickup_latest_s for one in each) for each in pools],
+            package_offsets=np.cumsum([0, *map(len, packages)]),
+            destination_row=[row_of[each.destination] for each in each_package],
+            mass_kg=[each.mass_kg for each in each_package],
             not_before_s=[
-                -math.inf if each.not_before_s is None else each.not_before_s for each in packages
+                -math.inf if each.not_before_s is None else each.not_before_s
+                for each in each_package
             ],
             latest_s=latest_of,
         )
@@ -272,10 +299,10 @@ class TripPlanner:
             ),
             loading_s=whole.loading_s,
             dropoff_s=whole.dropoff_s,
-            pickup_not_before_s=_moved(
-                _last([each.pickup_not_before_s for each in requests]), since_s
+            pickup_not_before_s=_bound(
+                _last(each.pickup_not_before_s for each in requests) - since_s
             ),
-            pickup_latest_s=_moved(_first([each.pickup_latest_s for each in requests]), since_s),
+            pickup_latest_s=_bound(_first(each.pickup_latest_s for each in requests) - since_s),
             label_limit=whole.label_limit,
         )
 
@@ -296,9 +323,13 @@ def _moved(moment_s: float | None, since_s: float) -> float | None:
     return None if moment_s is None else moment_s - since_s
 
 
-def _last(moments_s: Sequence[float | None]) -> float | None:
-    return max((each for each in moments_s if each is not None), default=None)
+def _last(moments_s: Iterable[float | None]) -> float:
+    return max((each for each in moments_s if each is not None), default=-math.inf)
 
 
-def _first(moments_s: Sequence[float | None]) -> float | None:
-    return min((each for each in moments_s if each is not None), default=None)
+def _first(moments_s: Iterable[float | None]) -> float:
+    return min((each for each in moments_s if each is not None), default=math.inf)
+
+
+def _bound(moment_s: float) -> float | None:
+    return moment_s if math.isfinite(moment_s) else None

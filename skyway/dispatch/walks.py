@@ -76,7 +76,7 @@ def walks_of(
     horizon_s: float,
 ) -> Walks:
     """The walks of the drones of one model, up to the horizon or the last bucket."""
-    nodes = _nodes(problem, estimates, kind, pools, sources)
+    nodes, _ = nodes_of(problem, estimates, kind, pools, sources)
     own = [each for each in starts if each.kind == kind]
     first_s = min(each.charged_s for each in own)
     pace = _least_share_flown(estimates.models[kind], estimates.s_per_j[kind])
@@ -103,36 +103,45 @@ def _least_share_flown(model: DroneModel, s_per_j: float) -> float:
     return min(shares)
 
 
-def _nodes(
+def sources_of(problem: FleetProblem, estimates: Estimates) -> Longs:
+    """The places where packages are picked up."""
+    pickups = dict.fromkeys(at for each in problem.requests for at in (each.source, *each.pickups))
+    return np.array([estimates.place_of[each] for each in pickups], np.int64)
+
+
+def nodes_of(
     problem: FleetProblem,
     estimates: Estimates,
     kind: int,
     pools: Sequence[Pool],
     sources: Longs,
-) -> Nodes:
+) -> tuple[Nodes, Floats]:
+    """The trips of one model; each way of a trip is a node.
+
+    Also what the drone needs at the pickup of each node to reach the next pad, ``(nodes,)``.
+    """
     requests, prices = problem.requests, problem.prices
     source_number = {place: number for number, place in enumerate(sources.tolist())}
     most = max(map(len, pools))
-    pool_of, source, end, least, member, served = [], [], [], [], [], []
+    pool_of, source, end, least, member, served, ready = [], [], [], [], [], [], []
     loaded = [
         (number, pool, at) for number, pool in enumerate(pools) for at in estimates.pickups(pool)
     ]
     for number, pool, at in loaded:
-        trip = estimates.trip_from(at, kind, pool)
-        # From the same pickup: the request's own source may be farther from its destination.
-        alone = [estimates.trip_from(at, kind, (each,)).least[:, :2].min(axis=0) for each in pool]
-        for place, costs in zip(trip.ends.tolist(), trip.least, strict=True):
+        orders = estimates.orders(at, kind, pool)
+        for place, costs, by_member, ready_s in zip(
+            orders.end.tolist(), orders.least, orders.served, orders.ready_s.tolist(), strict=True
+        ):
             if costs.max() >= OUT_OF_REACH:
                 continue
             pool_of.append(number)
             source.append(source_number[estimates.place_of[at]])
             end.append(place)
+            ready.append(ready_s)
             least.append(costs)
             member.append([*pool, *[-1] * (most - len(pool))])
-            by_member = np.zeros((most, 2))
-            by_member[: len(pool)] = alone if len(pool) > 1 else costs[:2]
-            served.append(by_member)
-    return Nodes(
+            served.append(np.pad(by_member, ((0, most - len(pool)), (0, 0))))
+    nodes = Nodes(
         pool=np.array(pool_of, np.int64),
         source=np.array(source, np.int64),
         end=np.array(end, np.int64),
@@ -146,3 +155,4 @@ def _nodes(
         rates=np.array([prices.delivery, prices.lateness, prices.energy_s_per_kwh / J_PER_KWH]),
         hand_over_s=problem.hand_over_s,
     )
+    return nodes, np.array(ready)

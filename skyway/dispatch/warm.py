@@ -9,14 +9,22 @@ from skyway.planner.warm import MODEL, STATIONS, line_network
 
 
 def warm() -> None:
-    """Plan a small fleet that uses every part of the dispatcher; the first time takes long."""
+    """Plan fleets that use every part of the dispatcher; the first time takes long."""
+    for drones in (1, 5):  # large fleets have another bound
+        _plan_fleet(drones)
+
+
+def _plan_fleet(drones: int) -> None:
     first, middle, last = STATIONS
     request = {"source": first, "pooling": True}
     optimise(
         FleetProblem.model_validate(
             {
                 "network": line_network(),
-                "drones": [{"drone_id": "d", "model": MODEL, "station_id": middle, "soc": 1.0}],
+                "drones": [
+                    {"drone_id": f"d{each}", "model": MODEL, "station_id": middle, "soc": 1.0}
+                    for each in range(drones)
+                ],
                 "requests": [
                     {
                         **request,

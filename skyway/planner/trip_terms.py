@@ -141,7 +141,7 @@ class TripTerms:
             ),
             curve_s=np.concatenate([each.seconds for each in curves]),
             curve_j=np.concatenate([each.joules for each in curves]),
-            to_pad_m=np.zeros(stations) if finishes_anywhere else _to_pad_m(self.network),
+            to_pad_m=np.zeros(stations) if finishes_anywhere else to_pad_m(self.network),
             has_hours=has_hours,
             hours_offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
             open_from_s=np.ascontiguousarray(open_s[:, 0]),
@@ -157,7 +157,7 @@ def _column(values: Any) -> Floats:  # numbers of any kind
     return np.array(list(values), np.float64)
 
 
-def _to_pad_m(network: Network) -> Floats:
+def to_pad_m(network: Network) -> Floats:
     """Metres from each station to the nearest station with a pad; inf without one."""
     incoming = network.incoming
     length_m = np.where(network.columns.pads > 0, 0.0, np.inf)
