@@ -11,7 +11,7 @@ from tests.library.dispatch.fleets import small_fleet
 _DRONES = 3
 
 #: Fleets in which the drone that is free first takes the pad of a trip that was promised before.
-_TAKE_PADS = [4, 6, 8, 15, 21, 22, 35]
+_SEEDS = [4, 6, 8, 15, 21, 22, 35]
 
 
 def _late(schedule: Schedule, latest_s: dict[int, float]) -> list[int]:
@@ -19,7 +19,7 @@ def _late(schedule: Schedule, latest_s: dict[int, float]) -> list[int]:
     return [each for each, moment_s in latest_s.items() if come[each] > moment_s]
 
 
-@pytest.mark.parametrize("seed", _TAKE_PADS)
+@pytest.mark.parametrize("seed", _SEEDS)
 def test_a_late_trip_is_planned_before_those_that_take_its_pads(seed: int) -> None:
     scheduler = Scheduler(small_fleet(seed, drones=_DRONES, requests=6))
     promised = scheduler.arrival_order()
@@ -42,7 +42,7 @@ def test_a_promise_that_no_order_keeps_leaves_the_schedule_as_it_is() -> None:
     assert repaired(scheduler, found, {}) is found
 
 
-@pytest.mark.parametrize("seed", _TAKE_PADS)
+@pytest.mark.parametrize("seed", _SEEDS)
 def test_the_search_begins_at_a_current_plan_that_keeps_its_promises(seed: int) -> None:
     fleet = small_fleet(seed, drones=_DRONES, requests=6)
     first = Scheduler(fleet).arrival_order()
