@@ -103,6 +103,18 @@ MayBeLaterOption = Annotated[
     ),
 ]
 
+FirmWithinOption = Annotated[
+    float,
+    typer.Option(
+        "--firm-within-s",
+        min=0,
+        max=3600,
+        metavar="SECONDS",
+        help="So many seconds after the booking the arrival time is promised. Until then the "
+        "dispatcher may plan it at any time.",
+    ),
+]
+
 EarliestPickupOption = Annotated[
     str | None,
     typer.Option(metavar="MOMENT", help="Loading does not begin before."),
@@ -151,6 +163,7 @@ class RequestOptions:
     pooling: bool
     pooling_wait_s: float | None
     may_be_later_s: float
+    firm_within_s: float
     earliest_pickup: str | None
     latest_pickup: str | None
     not_before: Sequence[str]
@@ -180,6 +193,8 @@ class RequestOptions:
             allowed["pickup_within_m"] = self.pickup_within_m
         if self.may_be_later_s:
             allowed["may_be_later_s"] = self.may_be_later_s
+        if self.firm_within_s:
+            allowed["firm_within_s"] = self.firm_within_s
         return allowed
 
     def document(self, folder: DataFolder) -> dict[str, Any]:
@@ -195,6 +210,7 @@ class RequestOptions:
             given = [option for option, texts in self._windows.items() if texts]
             given += ["--pooling"] if self.pooling else []
             given += ["--may-be-later-s"] if self.may_be_later_s else []
+            given += ["--firm-within-s"] if self.firm_within_s else []
             if self.pickup or self.packages or given:
                 options = ", ".join(given) or "a pickup station or --package"
                 fail(f"--file excludes {options}: write what you request into {self.file}")

@@ -1,5 +1,6 @@
 """What a schedule costs, and which limits it must keep against the baseline."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -76,6 +77,15 @@ class Pricing:
         )
 
 
+def promised_s(problem: FleetProblem) -> dict[int, float]:
+    """The end of the tolerance of each request with a promise, by its number."""
+    return {
+        number: request.promised_s + problem.promise_tolerance_s
+        for number, request in enumerate(problem.requests)
+        if request.promised_s is not None
+    }
+
+
 def lateness_of(due_s: float | None, moment_s: float) -> float:
     """Seconds after the moment at which something is due; 0 if it is in time."""
     return 0.0 if due_s is None else max(0.0, moment_s - due_s)
@@ -85,20 +95,16 @@ class Limits:
     """What a plan must keep: promises, fairness, and the number of unserved requests.
 
     `latest_s` is the latest delivery of each request with a promise: the promise plus the
-    tolerance. With the arrival order as baseline it is the delivery there plus the tolerance, if
-    that is later. `flown` is the least number of requests that each provider flies.
+    tolerance. If the baseline delivers later, it is the delivery there; with the arrival order as
+    baseline, the tolerance is added to that. `flown` is the least number of requests that each
+    provider flies.
     """
 
     def __init__(self, problem: FleetProblem, baseline: Costs) -> None:
+        added_s = 0.0 if problem.baseline == "current plan" else problem.promise_tolerance_s
         self.latest_s = {
-            number: problem.promise_tolerance_s
-            + (
-                request.promised_s
-                if problem.baseline == "current plan"
-                else max(request.promised_s, baseline.delivered_s.get(number, 0.0))
-            )
-            for number, request in enumerate(problem.requests)
-            if request.promised_s is not None
+            number: max(moment_s, baseline.delivered_s.get(number, -math.inf) + added_s)
+            for number, moment_s in promised_s(problem).items()
         }
         self._served = {each for each in self.latest_s if each in baseline.delivered_s}
         self.flown = baseline.flown if problem.fairness == "requests" else {}

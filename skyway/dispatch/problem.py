@@ -187,7 +187,8 @@ class FleetProblem(JsonModel):
         Literal["arrival order", "current plan"],
         Field(
             description="The plan with which the search begins. With the current plan, that of "
-            "`requests[].planned`, every other plan keeps all promises within the tolerance."
+            "`requests[].planned`, every other plan keeps all promises within the tolerance, or "
+            "delivers no later than the current plan."
         ),
     ] = "arrival order"
     label_limit: Annotated[

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from skyway.dispatch.best_order import BestOrder
+from skyway.dispatch.kept_promises import repaired
 from skyway.dispatch.objective import Limits
 from skyway.dispatch.order_moves import OrderMoves
 from skyway.dispatch.planned_trip import Pool
@@ -118,6 +119,8 @@ class OrderSearch:
         mean_s = max(1.0, abs(rows.cost.sum()) / len(problem.requests))
         anneal(self.board.fleet, rows, self.chance, steps, heat * mean_s, heat * _COLD * mean_s)
         found = self.scheduler.planned(self.board.sequences(rows), leads_ms=self.leads_ms)
+        if found.costs.total_s < self.best.costs.total_s:
+            found = repaired(self.scheduler, found, self.limits.latest_s)
         self.look_at(found)
         self.board.harden(self._too_late(found))
 

@@ -215,7 +215,7 @@ def _ends_s(arrivals: Mapping[tuple[DeliveryId, PackageId], datetime]) -> Iterab
 
 
 @types.coroutine
-def _until_wait(step: Coroutine[Any, Any, str], wait: int) -> Generator[Any, Any, str]:
+def until_wait(step: Coroutine[Any, Any, object], wait: int) -> Generator[Any, Any, str]:
     """Run a step and kill it in its n-th wait; its clean-up may wait, too."""
     for number in itertools.count(1):
         try:
@@ -235,7 +235,7 @@ async def adopt_after_kills(world: BusyWorld, dispatcher: Dispatcher, better: Be
     while outcome is None:
         wait += 3
         try:
-            outcome = await _until_wait(dispatcher.adopt(better), wait)
+            outcome = await until_wait(dispatcher.adopt(better), wait)
         except asyncio.CancelledError:
             assert await waiting_missions(world) == before
     assert outcome == "adopted"

@@ -23,6 +23,18 @@ def test_no_delivery_is_later_than_its_promise_allows(tolerance_s: float) -> Non
     assert min(late_s) < 0
 
 
+def test_a_far_delivery_has_a_wider_promise_than_a_near_one() -> None:
+    search, *_ = searches(searched_in_rounds(2, most_steps=2_000))
+    policy = replace(search, promise_tolerance_s=60.0, wider_by=0.5)
+    hour = RollingHour(fleet_case("city", Load(2, 8), seed=1), policy, 1)
+    asked_ms = {each.number: each.asked_ms for each in hour.case.hour.requests}
+
+    before_s = hour.width_s(0)
+    hour.promised_ms |= {0: asked_ms[0] + 5_100_000, 1: asked_ms[1] + 5_300_000}
+
+    assert (before_s, hour.width_s(0), hour.width_s(1)) == (None, 60.0, 160.0)
+
+
 def test_a_drone_flies_to_the_pickup_while_its_trip_waits_for_more_requests() -> None:
     *_, waits = searches(searched_in_rounds(2, most_steps=2_000))
     assert waits.ahead_s is not None

@@ -271,6 +271,7 @@ def test_an_unknown_priority_is_refused_with_those_that_exist(gateway: Gateway) 
     [
         ([], {}),
         (["--may-be-later-s", "1800"], {"may_be_later_s": 1800.0}),
+        (["--firm-within-s", "600"], {"firm_within_s": 600.0}),
         (["--pooling"], {"pooling": True, "pooling_wait_s": 0.0}),
         (["--pooling", "--pooling-wait-s", "600"], {"pooling": True, "pooling_wait_s": 600.0}),
     ],
@@ -292,7 +293,8 @@ def test_a_wait_for_others_needs_a_trip_that_may_be_shared(gateway: Gateway) -> 
     too_late = runner.invoke(make_app(), [*ASKED, "--may-be-later-s", "14401"])
 
     assert (alone.exit_code, alone.stderr) == (1, "--pooling-wait-s needs --pooling\n")
-    assert (too_long.exit_code, too_late.exit_code) == (2, 2)
+    never_firm = runner.invoke(make_app(), [*ASKED, "--firm-within-s", "3601"])
+    assert (too_long.exit_code, too_late.exit_code, never_firm.exit_code) == (2, 2, 2)
     assert gateway.calls == []
 
 

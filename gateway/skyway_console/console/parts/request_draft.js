@@ -9,7 +9,7 @@ const newPackage = (number) => ({package_id: `p${number}`, mass_kg: "1", station
 const nobody = () => ({name: "", phone: "", email: "", instructions: ""});
 // A place is {label, position, station} of what is no station; its station stands beside it.
 const nothing = () => ({pickup: "", pickupPlace: null, walkM: "1000", contact: nobody(), packages: [newPackage(1)], objective: "FASTEST", reference: "",
-  latest: "", isHeld: false, mayShare: false, waitMinutes: "0", withinM: "0"});
+  latest: "", isHeld: false, mayShare: false, waitMinutes: "0", withinM: "0", firmMinutes: "0", laterMinutes: "0"});
 
 // It outlives the view, so that a look at another view loses nothing.
 export const draft = signal(nothing());
@@ -61,15 +61,17 @@ function placeOf(stationId, place, walkM) {
 
 // The body of POST /v1/quotes. The browser's own time zone is that of all moments in the console.
 export function quoteRequest() {
-  const {pickup, pickupPlace, walkM, packages, objective, reference, latest, isHeld, mayShare, waitMinutes, withinM} = draft.value;
+  const {pickup, pickupPlace, walkM, packages, objective, reference, latest, isHeld, mayShare, waitMinutes, withinM,
+    firmMinutes, laterMinutes} = draft.value;
   const pooling = mayShare
     ? {pooling: true, pooling_wait_s: 60 * Number(waitMinutes), pickup_within_m: Number(withinM)} : {};
+  const promise = {firm_within_s: 60 * Number(firmMinutes), may_be_later_s: 60 * Number(laterMinutes)};
   return {
     pickup: placeOf(pickup, pickupPlace, walkM),
     packages: packages.map(({package_id, mass_kg, station_id, place, proof}) =>
       ({package_id: package_id.trim(), mass_kg: Number(mass_kg), destination: placeOf(station_id, place, walkM),
         ...(proof ? {dropoff_verification: {method: proof}} : {})})),
-    qos: {objective, ...pooling, ...(latest ? {deadline_at: new Date(latest).toISOString()} : {})},
+    qos: {objective, ...promise, ...pooling, ...(latest ? {deadline_at: new Date(latest).toISOString()} : {})},
     ...(reference.trim() ? {reference: reference.trim()} : {}),
     hold: isHeld,
   };

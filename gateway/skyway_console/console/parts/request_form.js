@@ -39,7 +39,8 @@ const ProofChoice = ({each, number, isOnly}) => html`
   </select></label>`;
 
 function Wishes() {
-  const {packages, objective, reference, latest, isHeld, mayShare, waitMinutes, withinM} = draft.value;
+  const {packages, objective, reference, latest, isHeld, mayShare, waitMinutes, withinM,
+    firmMinutes, laterMinutes} = draft.value;
   return html`
     <div class="fields">
       ${packages.map((each, number) => html`<${ProofChoice} key=${number} each=${each} number=${number}
@@ -50,6 +51,10 @@ function Wishes() {
       </select></label>
       <label>Latest delivery, fleet time (optional)<input type="datetime-local" value=${latest}
         onInput=${({target}) => change({latest: target.value})} /></label>
+      <label>Promise an arrival time within, minutes<input required type="number" min="0" max="60" step="any"
+        value=${firmMinutes} onInput=${({target}) => change({firmMinutes: target.value})} /></label>
+      <label>It may come later than promised by, minutes<input required type="number" min="0" max="240" step="any"
+        value=${laterMinutes} onInput=${({target}) => change({laterMinutes: target.value})} /></label>
       <label>Reference (optional)<input maxlength="200" value=${reference} placeholder="order 1042"
         onInput=${({target}) => change({reference: target.value})} /></label>
       <label class="check"><input type="checkbox" checked=${isHeld}

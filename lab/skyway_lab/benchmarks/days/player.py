@@ -21,7 +21,7 @@ from skyway.runtime.signing.key_pair import FleetKeys
 _TERMINAL: Final = ("COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED")
 
 #: Wall seconds until all drones must be ready, and until a delivery must be over.
-_READY_WITHIN_S, _END_WITHIN_S = 120.0, 900.0
+_READY_WITHIN_S, _END_WITHIN_S = 120.0, 1_800.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,6 +57,7 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--only", choices=tuple(PARTS), help="only this part")
     parser.add_argument("--case", type=int, action="append", help="only the case of this number")
     parser.add_argument("--seeds", type=int, default=3, help="seeds 1 to this")
+    parser.add_argument("--first-seed", type=int, default=1, help="the first seed of the promises")
     parser.add_argument("--minute-s", type=float, default=0.3, help="processor time a minute")
     parser.add_argument("--fleets", type=int, default=200, help="small random fleets")
     parser.add_argument("--budget-s", type=float, default=10.0, help="processor time of a plan")
@@ -136,7 +137,11 @@ PARTS: Mapping[str, Callable[[argparse.Namespace], Iterator[Table]]] = MappingPr
         "together": together,
         "published": published,
         "standbys": lambda sizes: standbys(seeds=sizes.seeds),
-        "promises": lambda sizes: promises(_chosen(sizes), seeds=sizes.seeds, figure=sizes.figure),
+        "promises": lambda sizes: promises(
+            _chosen(sizes),
+            seeds=range(sizes.first_seed, sizes.seeds + 1),
+            figure=sizes.figure,
+        ),
         "providers": lambda sizes: providers(seeds=sizes.seeds),
         "small": lambda sizes: small(sizes.fleets, budget_s=sizes.minute_s),
     }

@@ -1,4 +1,7 @@
-"""What promises cost in the rolling hour, by when they are firm and by their width."""
+"""What promises cost in the rolling hour, by when they are firm and by their width.
+
+The width is the same for all requests, or it grows with the time to the promised delivery.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -16,18 +19,22 @@ from skyway_lab.experiments.dispatched_hour.policies import (
 from skyway_lab.experiments.dispatched_hour.rolling import RollingHour
 from skyway_lab.experiments.figures import Axis, Line, draw_lines
 from skyway_lab.experiments.fleet_hour.cases import Load, Place
-from skyway_lab.experiments.sample import Sample
+from skyway_lab.experiments.sample import Estimate, Sample
 
 #: Minutes until a promise is firm, and its width in minutes.
 _FIRM_MIN: Final = (1, 10, 30)
 _WIDTHS_MIN: Final = (1, 10, 30)
+
+#: By how much a promise is wider for each second beyond `FAR_S`. Chosen so that promises of the
+#: city that are firm after 1 min are 10 min wide on average.
+_WIDER_BY: Final = 0.28
 
 #: The search of `live_hour`, in which each request flies alone, and the same with shared trips.
 _ALONE, _POOLING, _ = searches(searched_in_rounds(2, most_steps=8_000))
 
 
 def promises(
-    cases: Sequence[tuple[Place, Load]], *, seeds: int, figure: Path | None
+    cases: Sequence[tuple[Place, Load]], *, seeds: Sequence[int], figure: Path | None
 ) -> Iterator[Table]:
     """Mean minutes from each request to its last delivery, a table for each case."""
     lines = []
@@ -36,19 +43,23 @@ def promises(
         table = Table(
             "promises",
             f"{place}, {load}: firm after so many minutes",
-            ("firm", *(f"{width} min wide" for width in _WIDTHS_MIN)),
+            ("firm", *(f"{width} min wide" for width in _WIDTHS_MIN), "wider when far"),
         )
         for firm in _FIRM_MIN:
             found = [
-                _means(place, load, seeds, _promising(own, firm_min=firm, width_min=width))
+                _hours(place, load, seeds, _promising(own, firm_min=firm, width_min=width))
                 for width in _WIDTHS_MIN
             ]
-            table.rows.append((f"{firm} min", *map(_cell, found)))
-            means = [Sample.of(each).mean() for each in found]
-            lines.append(Line(f"{place}, firm after {firm} min", _WIDTHS_MIN, means))
-        table.rows.append(
-            ("no promise", *[_cell(_means(place, load, seeds, own))] * len(_WIDTHS_MIN))
-        )
+            far_policy = _promising(own, firm_min=firm, width_min=0)
+            far = _hours(place, load, seeds, replace(far_policy, wider_by=_WIDER_BY))
+            width_min = mean(map(_mean_width_min, far))
+            far_cell = f"{_cell(far)}, {width_min:.0f} min wide"
+            table.rows.append((f"{firm} min", *map(_cell, found), far_cell))
+            name = f"{place}, firm after {firm} min"
+            lines.append(Line(name, _WIDTHS_MIN, [*map(_estimate, found)]))
+            lines.append(Line(f"{name}, wider when far", [width_min], [_estimate(far)]))
+        none = _cell(_hours(place, load, seeds, own))
+        table.rows.append(("no promise", *[none] * (len(_WIDTHS_MIN) + 1)))
         yield table
     if figure is not None:
         width, minutes = (
@@ -62,16 +73,24 @@ def _promising(policy: DispatchPolicy, *, firm_min: float, width_min: float) -> 
     return replace(policy, firm_within_s=60.0 * firm_min, promise_tolerance_s=60.0 * width_min)
 
 
-def _means(place: Place, load: Load, seeds: int, policy: DispatchPolicy) -> list[float]:
-    """The mean minutes of each seed."""
-    hours = [
-        RollingHour(fleet_case(place, load, seed=seed), policy, seed)
-        for seed in range(1, seeds + 1)
-    ]
+def _hours(
+    place: Place, load: Load, seeds: Sequence[int], policy: DispatchPolicy
+) -> list[RollingHour]:
+    """The hour of each seed, flown."""
+    hours = [RollingHour(fleet_case(place, load, seed=seed), policy, seed) for seed in seeds]
     for hour in hours:
         hour.run()
-    return [hour.mean_min for hour in hours]
+    return hours
 
 
-def _cell(means: Sequence[float]) -> str:
+def _mean_width_min(hour: RollingHour) -> float:
+    return mean(hour.width_s(each) or 0.0 for each in hour.promised_ms) / 60
+
+
+def _estimate(hours: Sequence[RollingHour]) -> Estimate:
+    return Sample.of([each.mean_min for each in hours]).mean()
+
+
+def _cell(hours: Sequence[RollingHour]) -> str:
+    means = [each.mean_min for each in hours]
     return f"{mean(means):.0f} ({', '.join(f'{each:.0f}' for each in means)})"

@@ -21,6 +21,11 @@ _AHEAD_S: Final = 300.0
 _ENERGY_S_PER_KWH: Final = 14_400.0
 
 
+#: A promised delivery is far when it is so long after its request. Our own choice, near the mean of
+#: the city's hour.
+FAR_S: Final = 5_100.0
+
+
 @dataclass(frozen=True, slots=True)
 class DispatchPolicy:
     """How the open requests of a fleet are planned.
@@ -39,6 +44,9 @@ class DispatchPolicy:
     promise_tolerance_s
         The width of a promise: plans after it deliver at most so much later than the plan that was
         promised. None: there are no promises.
+    wider_by
+        The width grows by so many seconds for each second between request and promised delivery
+        beyond `FAR_S`.
     firm_within_s
         A request is promised what the last plan says before the request is so old, or the plan
         with which its trip begins. A request that is so old before its first plan is promised the
@@ -52,6 +60,7 @@ class DispatchPolicy:
     ahead_s: float | None = None
     energy_s_per_kwh: float = 0.0
     promise_tolerance_s: float | None = None
+    wider_by: float = 0.0
     firm_within_s: float = 0.0
 
 

@@ -20,7 +20,7 @@ from skyway.drone.charging import soc_after_recharge
 from skyway.ids import PackageId, StationId
 from skyway.planner.problem_parts import PackageToDeliver, PadReservation
 from skyway_lab.experiments.dispatched_hour.cases import PREPARE_S, FleetCase, drone
-from skyway_lab.experiments.dispatched_hour.policies import DispatchPolicy
+from skyway_lab.experiments.dispatched_hour.policies import FAR_S, DispatchPolicy
 from skyway_lab.experiments.fleet_hour.calendars import HAND_OVER_MS, MODEL, PAD_GAP_MS
 from skyway_lab.experiments.fleet_hour.cases import HOUR_MS, HourRequest
 
@@ -88,6 +88,15 @@ class RollingHour:
             for number, moment_ms in self.delivered_ms.items()
         }
 
+    def width_s(self, number: int) -> float | None:
+        """The width of a request's promise; None while or if it has none."""
+        least_s = self.policy.promise_tolerance_s
+        if least_s is None or number not in self.promised_ms:
+            return None
+        asked_ms = self.case.hour.requests[number].asked_ms
+        wait_s = (self.promised_ms[number] - asked_ms) / 1000
+        return least_s + self.policy.wider_by * max(0.0, wait_s - FAR_S)
+
     @property
     def mean_min(self) -> float:
         """Mean minutes from each served request to its last delivery."""
@@ -139,10 +148,10 @@ class RollingHour:
 
     def _promised_s(self, number: int, now_ms: int) -> float | None:
         """The latest delivery that keeps the promise; None without promises."""
-        tolerance_s = self.policy.promise_tolerance_s
-        if tolerance_s is None or number not in self.promised_ms:
+        width_s = self.width_s(number)
+        if width_s is None:
             return None
-        return (self.promised_ms[number] - now_ms) / 1000 + tolerance_s
+        return (self.promised_ms[number] - now_ms) / 1000 + width_s
 
     def _planned_trip(self, number: int, now_ms: int) -> CurrentTrip | None:
         if number not in self._planned:
