@@ -226,13 +226,14 @@ def _merged(taken_ms: Longs, unites: bool, before: Floats, count: int, after: Fl
 def _append(windows: Floats, count: int, start_s: float, end_s: float, unites: bool) -> int:
     """Append a window, or lengthen the last one if they meet and may be united.
 
-    A window within the last one is left out, so the ends are in order too.
+    Of two windows, one within the other, the larger stays. So starts and ends are both in order.
     """
-    if count > 0 and end_s <= windows[count - 1, 1]:
-        return count
-    if unites and count > 0 and start_s <= windows[count - 1, 1]:
-        windows[count - 1, 1] = end_s
-        return count
+    if count > 0:
+        if end_s <= windows[count - 1, 1]:
+            return count
+        if start_s <= windows[count - 1, 1 if unites else 0]:
+            windows[count - 1, 1] = end_s
+            return count
     windows[count, 0] = start_s
     windows[count, 1] = end_s
     return count + 1

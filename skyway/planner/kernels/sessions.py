@@ -32,7 +32,6 @@ from skyway.planner.kernels.memory import (
     FIRST_ON_GROUND,
     LAST_POSITION,
     LEVEL,
-    NONE,
     PARENT,
     POSITION,
     SESSION,
