@@ -39,9 +39,10 @@ def recharge_time_s(model: DroneModel, soc_from: float, soc_to: float) -> float:
     """
     if soc_from > soc_to + CHARGE_TOLERANCE:
         raise InvalidStateOfCharge("soc_to", f"{soc_to} lies below soc_from {soc_from}")
-    start = _on_curve(model, "soc_from", soc_from)
-    end = _on_curve(model, "soc_to", soc_to)
-    return max(0.0, _time_at(model, end) - _time_at(model, start))
+    times_s, socs = model.charge_columns
+    start = _on_curve(socs, "soc_from", soc_from)
+    end = _on_curve(socs, "soc_to", soc_to)
+    return max(0.0, _interpolate(socs, times_s, end) - _interpolate(socs, times_s, start))
 
 
 def soc_after_recharge(model: DroneModel, soc_from: float, duration_s: float) -> float:
@@ -54,10 +55,11 @@ def soc_after_recharge(model: DroneModel, soc_from: float, duration_s: float) ->
     InvalidStateOfCharge
         `soc_from` lies below the charge curve or above 1.
     """
-    if model.top_soc <= soc_from <= 1.0:
+    times_s, socs = model.charge_columns
+    if socs[-1] <= soc_from <= 1.0:
         return soc_from
-    time_s = _time_at(model, _on_curve(model, "soc_from", soc_from)) + duration_s
-    return _interpolate(*model.charge_columns, time_s)
+    begin_s = _interpolate(socs, times_s, _on_curve(socs, "soc_from", soc_from))
+    return _interpolate(times_s, socs, begin_s + duration_s)
 
 
 def fastest_s_per_soc(model: DroneModel) -> float:
@@ -125,18 +127,11 @@ def fastest_w(model: DroneModel) -> float:
     return model.battery_j * (second.soc - first.soc) / (second.time_s - first.time_s)
 
 
-def _on_curve(model: DroneModel, field: str, soc: float) -> float:
-    lowest = model.charge_curve[0].soc
-    if not lowest - CHARGE_TOLERANCE <= soc <= model.top_soc + CHARGE_TOLERANCE:
-        raise InvalidStateOfCharge(
-            field, f"{soc} lies outside the charge curve, {lowest} to {model.top_soc}"
-        )
-    return min(max(soc, lowest), model.top_soc)
-
-
-def _time_at(model: DroneModel, soc: float) -> float:
-    times_s, socs = model.charge_columns
-    return _interpolate(socs, times_s, soc)
+def _on_curve(socs: Sequence[float], field: str, soc: float) -> float:
+    lowest, top = socs[0], socs[-1]
+    if not lowest - CHARGE_TOLERANCE <= soc <= top + CHARGE_TOLERANCE:
+        raise InvalidStateOfCharge(field, f"{soc} lies outside the charge curve, {lowest} to {top}")
+    return min(max(soc, lowest), top)
 
 
 def _interpolate(xs: Sequence[float], ys: Sequence[float], x: float) -> float:

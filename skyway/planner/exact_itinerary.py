@@ -7,6 +7,8 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from skyway.drone.charging import recharge_time_s, soc_after_recharge
 from skyway.drone.flight import flight_power_w, speed_mps
 from skyway.ids import StationId
@@ -38,7 +40,7 @@ _SAME_SOC = 1e-12
 
 def itinerary_of(situation: Situation, acts: Sequence[Act]) -> Itinerary:
     """The steps of these acts, as early as charges and closures allow."""
-    flight = _Flight(situation)
+    flight = _Flight(situation, acts)
     is_hand_over_next = [*(act.kind == _STAYED for act in acts[1:]), False]
     for act, is_followed in zip(acts, is_hand_over_next, strict=True):
         flight.do(act, is_followed_by_hand_over=is_followed)
@@ -66,10 +68,14 @@ class _Flight:
     No drone waits in the air. If a segment is still closed, the drone leaves the ground later.
     """
 
-    def __init__(self, situation: Situation) -> None:
+    def __init__(self, situation: Situation, acts: Sequence[Act]) -> None:
         self.log = FlightLog(situation)
         self._situation = situation
-        self._columns = situation.network.columns
+        columns = situation.network.columns
+        flown = np.array([act.segment for act in acts if act.segment >= 0], np.int64)
+        to_ids = (columns.station_ids[row] for row in columns.to_row[flown].tolist())
+        #: The metres of each segment still to be flown, and the station at its end.
+        self._flown = zip(columns.length_m[flown].tolist(), to_ids, strict=True)
         self._model = situation.model
         self._weather = situation.problem.weather
         self._undelivered = set(situation.destinations)
@@ -97,11 +103,10 @@ class _Flight:
             self._hand_over()
 
     def _crossing(self, act: Act) -> _Crossing:
-        columns, row = self._columns, act.segment
+        row, (length_m, to_id) = act.segment, next(self._flown)
         air = STILL_AIR if self._weather is None else self._weather.air(row, act.period)
-        flight_s = columns.length_m.item(row) * air.time_factor / self._speed_mps
+        flight_s = length_m * air.time_factor / self._speed_mps
         flight_j = self._power_w * flight_s * air.energy_factor
-        to_id = columns.station_ids[columns.to_row.item(row)]
         return _Crossing(to_id, row, air, act.not_before_s, flight_s, flight_j)
 
     def _loads_immediately(self) -> bool:
@@ -213,7 +218,7 @@ def _with_pads(situation: Situation, steps: Sequence[StepFields]) -> Iterator[St
             continue
         reserved = next(taken)
         pads = situation.pads.count(step["station_id"])
-        pads_taken = {each.pad for each in reserved}
+        pads_taken = {taken_pad for taken_pad, _, _ in reserved}
         pad = next((pad for pad in range(pads) if pad not in pads_taken), None)
         if pad is not None:
             yield {**step, "pad": pad}

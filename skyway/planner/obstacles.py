@@ -44,7 +44,7 @@ class OpenSky:
     def __init__(self, problem: Problem, steps: Iterable[Step]) -> None:
         self._problem = problem
         self._zones = [(zone, _active_s(problem, zone)) for zone in problem.network.zones]
-        flown = [step for step in steps if isinstance(step, Fly)] if problem.closures else []
+        flown = [step for step in steps if step.kind == "FLY"] if problem.closures else []
         used = {step.to_id for step in flown} | {(step.from_id, step.to_id) for step in flown}
         self._closed: dict[object, list[_Interval]] = defaultdict(list)
         for closure in problem.closures:

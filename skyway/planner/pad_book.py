@@ -140,9 +140,9 @@ class PadBook:
         count = self.station.searchsorted(station_row, "right") - first
         number = np.repeat(np.arange(len(count)), count)
         row = np.arange(len(number)) + (first - np.cumsum(count) + count)[number]
-        meets = (self.start_ms[row] < (until_ms + self.zero_ms)[number]) & (
-            self.end_ms[row] > (from_ms + self.zero_ms)[number]
-        )
+        begins = self.start_ms[row] < (until_ms + self.zero_ms)[number]
+        number, row = number[begins], row[begins]
+        meets = self.end_ms[row] > (from_ms + self.zero_ms)[number]
         return zip(number[meets].tolist(), self._taken(row[meets]), strict=True)
 
     def _taken(self, rows: npt.NDArray[np.int64]) -> list[Taken]:

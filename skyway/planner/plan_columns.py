@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from skyway.delivery.plan import Fly, Recharge, Step
+from skyway.delivery.plan import Recharge, Step
 from skyway.ids import StationId
 from skyway.network.network import MAX_PADS, Network
 from skyway.planner.kernels.memory import Longs
@@ -35,7 +35,7 @@ def lengths_flown(network: Network, steps: Sequence[Step]) -> dict[int, float]:
     flights = [
         (number, row_of[step.from_id], row_of.get(step.to_id, -1))
         for number, step in enumerate(steps)
-        if isinstance(step, Fly) and step.from_id in row_of
+        if step.kind == "FLY" and step.from_id in row_of
     ]
     number, start, end = np.array(flights, np.int64).reshape(-1, 3).T
     first = leaving.offsets[start]
@@ -56,7 +56,7 @@ def pad_clashes(
     sessions = {
         number: step
         for number, step in enumerate(steps)
-        if isinstance(step, Recharge)
+        if step.kind == "RECHARGE"
         and step.station_id in problem.network.row_of
         and 0 <= step.pad < MAX_PADS
     }
@@ -96,10 +96,10 @@ def _booked_clashes(
     starts_ms, ends_ms = np.array(spans_ms, np.float64).reshape(-1, 2).T + booked.zero_ms
     first = booked.station.searchsorted(rows)
     session, entry = _entries(first, booked.station.searchsorted(rows, "right") - first)
-    is_overlap = (
-        (booked.pad[entry] == pads[session])
-        & (booked.start_ms[entry] < ends_ms[session])
-        & (booked.end_ms[entry] > starts_ms[session])
+    is_on_pad = booked.pad[entry] == pads[session]
+    session, entry = session[is_on_pad], entry[is_on_pad]
+    is_overlap = (booked.start_ms[entry] < ends_ms[session]) & (
+        booked.end_ms[entry] > starts_ms[session]
     )
     numbers = list(sessions)
     clashing = [numbers[one] for one in session[is_overlap].tolist()]

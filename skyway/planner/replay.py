@@ -84,8 +84,8 @@ class Replay:
         if not step.end_s >= step.start_s - TIME_TOLERANCE_S:
             self._note("time", f"ends at {step.end_s}, before it starts at {step.start_s}")
         self._allowed_s = time_tolerance_s(step.end_s)
-        if isinstance(step, Fly):
-            self._check_fly(step, lands=not isinstance(following, Fly))
+        if step.kind == "FLY":
+            self._check_fly(step, lands=following is None or following.kind != "FLY")
             self._here, self._soc = step.to_id, step.soc_end
         else:
             if step.station_id != self._here:
@@ -105,15 +105,15 @@ class Replay:
                 self._note_of_plan("finish", f"{energy_j} J left, no pad so near to {self._here!r}")
 
     def _check_on_ground(self, step: PickUp | Wait | Recharge | Deliver) -> None:
-        if isinstance(step, PickUp):
+        if step.kind == "PICK_UP":
             self._check_pick_up(step)
             return
-        if isinstance(step, Deliver):
+        if step.kind == "DELIVER":
             self._check_deliver(step)
             return
         if self._must_hand_over():
             self._note("hand-over", f"{step.kind} at {self._here!r} before packages change hands")
-        if isinstance(step, Recharge):
+        if step.kind == "RECHARGE":
             self._check_recharge(step)
             self._check_pad(step)
             self._soc = step.soc_end
@@ -263,8 +263,9 @@ class Replay:
         if row is None or not 0 <= step.pad < network.columns.pads.item(row):
             self._note("pad", f"station {step.station_id!r} has no pad {step.pad}")
             return
-        station = network.stations[step.station_id]
-        if not does_fit(self._model, station):
+        if self._model.connector is not None and not does_fit(
+            self._model, station := network.stations[step.station_id]
+        ):
             have = ", ".join(station.properties[PAD_CONNECTORS])
             self._note("connector", f"{self._model.connector} does not fit pads with {have}")
         clash = self._clashes.get(self._number)

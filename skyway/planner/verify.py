@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
-from skyway.delivery.plan import Deliver, Fly, Plan, PlanStatus, Recharge, Step, Wait
+from skyway.delivery.plan import Plan, PlanStatus, Step
 from skyway.drone.cargo import misfit
 from skyway.errors import SkywayError
 from skyway.planner.problem import Problem
@@ -95,7 +95,7 @@ def _of_deliveries(problem: Problem, plan: Plan) -> Iterator[Violation]:
     done = sorted(
         (package_id, step.station_id, step.end_s)
         for step in plan.steps
-        if isinstance(step, Deliver)
+        if step.kind == "DELIVER"
         for package_id in step.package_ids
     )
     if [one[:2] for one in stated] != [one[:2] for one in done] or not all(
@@ -109,14 +109,14 @@ def _of_deliveries(problem: Problem, plan: Plan) -> Iterator[Violation]:
 
 
 def _of_sums(problem: Problem, plan: Plan) -> Iterator[Violation]:
-    end_s = max((step.end_s for step in plan.steps if isinstance(step, Deliver)), default=0.0)
-    flights = [step for step in plan.steps if isinstance(step, Fly)]
+    end_s = max((step.end_s for step in plan.steps if step.kind == "DELIVER"), default=0.0)
+    flights = [step for step in plan.steps if step.kind == "FLY"]
     expected = {
         "delivery_time_s": end_s,
         "energy_j": math.fsum(step.energy_j for step in flights),
         "flight_s": _total_s(flights),
-        "waiting_s": _total_s(step for step in plan.steps if isinstance(step, Wait)),
-        "recharging_s": _total_s(step for step in plan.steps if isinstance(step, Recharge)),
+        "waiting_s": _total_s(step for step in plan.steps if step.kind == "WAIT"),
+        "recharging_s": _total_s(step for step in plan.steps if step.kind == "RECHARGE"),
     }
     for name, value in expected.items():
         stated = getattr(plan, name)

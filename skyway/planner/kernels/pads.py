@@ -1,8 +1,8 @@
 """The free windows of a station's pads, computed when the search first stands there.
 
 Under partial recharging a drone may change pads, so the windows are the times when any pad is free:
-the union of the pads' windows. A full recharge needs one pad, so the windows stay separate; those
-that are too short for any full recharge are left out.
+the union of the pads' windows. A full recharge needs one pad, so the windows stay separate. Those
+that are too short for any full recharge, or lie within another window, are left out.
 """
 
 import numpy as np
@@ -15,6 +15,9 @@ from skyway.planner.kernels.records import Book, Search
 from skyway.planner.kernels.weather import has_weather
 
 _MS_PER_S = 1000.0
+
+# No plan is longer, in seconds: its moments are compared with at most the tolerance of this one.
+_LONGEST_S = 1e9
 
 # A reservation that ends later than this has no end: a book's open end minus its zero moment.
 _OPEN_MS = 1 << 61
@@ -67,9 +70,10 @@ def windows_of(search: Search, place: int) -> int:
         pad = np.empty(reserved, np.int64)
         taken_ms = np.empty((reserved, 2), np.int64)
         unites = not search.task.recharges_fully
-        least_s = 0.0 if unites else _least_session_s(search, row)
-        end = _gather(given, first_given, end_given, pads, least_s, int64(0), pad, taken_ms)
-        end = _gather(known, first_known, end_known, pads, least_s, end, pad, taken_ms)
+        least_s = 0.0 if unites else _least_session_s(search, row) - slack_s(_LONGEST_S)
+        least_ms = int64(max(least_s, 0.0) * _MS_PER_S)
+        end = _gather(given, first_given, end_given, pads, least_ms, int64(0), pad, taken_ms)
+        end = _gather(known, first_known, end_known, pads, least_ms, end, pad, taken_ms)
         pad, taken_ms = pad[:end], taken_ms[:end]
         if first_given < end_given and first_known < end_known:
             _sort(pad, taken_ms)
@@ -110,7 +114,7 @@ def _gather(
     first: int,
     end: int,
     pads: int,
-    least_s: float,
+    least_ms: int,
     offset: int,
     pad: Longs,
     taken_ms: Longs,
@@ -118,7 +122,7 @@ def _gather(
     """Write a book's reservations from `offset` on, counted from the plan's start; the end.
 
     Pads that the station does not have are left out: a book may be older than the network. Two
-    reservations become one if less than `least_s` lies between them.
+    reservations become one if less than `least_ms` lies between them.
     """
     begin = offset
     for index in range(first, end):
@@ -127,10 +131,10 @@ def _gather(
         start_ms = book.start_ms[index] - book.zero_ms
         # An open end stays after all moments of a plan, for any zero moment of the book.
         end_ms = book.end_ms[index] - book.zero_ms
-        if least_s > 0.0 and offset > begin and pad[offset - 1] == book.pad[index]:
-            free_s = (start_ms - taken_ms[offset - 1, 1]) / _MS_PER_S
-            if free_s < least_s - slack_s(start_ms / _MS_PER_S):
-                taken_ms[offset - 1, 1] = max(taken_ms[offset - 1, 1], end_ms)
+        if least_ms > 0 and offset > begin and pad[offset - 1] == book.pad[index]:
+            before_ms = taken_ms[offset - 1, 1]
+            if start_ms - before_ms < least_ms:
+                taken_ms[offset - 1, 1] = max(before_ms, end_ms)
                 continue
         pad[offset] = book.pad[index]
         taken_ms[offset, 0] = start_ms
@@ -220,10 +224,16 @@ def _merged(taken_ms: Longs, unites: bool, before: Floats, count: int, after: Fl
 
 @kernel
 def _append(windows: Floats, count: int, start_s: float, end_s: float, unites: bool) -> int:
-    """Append a window, or lengthen the last one if they meet and may be united."""
-    if unites and count > 0 and start_s <= windows[count - 1, 1]:
-        windows[count - 1, 1] = max(windows[count - 1, 1], end_s)
-        return count
+    """Append a window, or lengthen the last one if they meet and may be united.
+
+    Of two windows, one within the other, the larger stays. So starts and ends are both in order.
+    """
+    if count > 0:
+        if end_s <= windows[count - 1, 1]:
+            return count
+        if start_s <= windows[count - 1, 1 if unites else 0]:
+            windows[count - 1, 1] = end_s
+            return count
     windows[count, 0] = start_s
     windows[count, 1] = end_s
     return count + 1

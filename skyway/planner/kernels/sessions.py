@@ -32,7 +32,6 @@ from skyway.planner.kernels.memory import (
     FIRST_ON_GROUND,
     LAST_POSITION,
     LEVEL,
-    NONE,
     PARENT,
     POSITION,
     SESSION,
@@ -62,15 +61,21 @@ def enter_sessions(search: Search, label: int, place: int, mask: int) -> bool:
     if task.recharges_fully:
         return _enter_full(task, memory, label, place, state)
     end = first + memory.window_count[place]
-    # Windows that are united lie apart, so their ends are in order too.
-    window, after = first, end
-    while window < after:
-        middle = (window + after) // 2
-        if memory.window_s[middle, 1] <= memory.label[label, TIME]:
-            window = middle + 1
+    window = _first_until(memory, first, end, memory.label[label, TIME])
+    return _enter_session(task, memory, label, state, window, end)
+
+
+@kernel
+def _first_until(memory: Memory, first: int, end: int, moment_s: float) -> int:
+    """The first of these windows that ends after this moment; no window lies within another."""
+    after = end
+    while first < after:
+        middle = (first + after) // 2
+        if memory.window_s[middle, 1] <= moment_s:
+            first = middle + 1
         else:
             after = middle
-    return _enter_session(task, memory, label, state, window, end)
+    return first
 
 
 @kernel
@@ -200,23 +205,16 @@ def _enter_full(task: Task, memory: Memory, label: int, place: int, state: int) 
         return True
     curve = curve_at(task, memory.row[place])
     duration_s = position_of(task, curve, top_j) - position_of(task, curve, charge_j)
-    soonest_s = np.inf
-    chosen = NONE
     first = memory.window_first[place]
-    for window in range(first, first + memory.window_count[place]):
+    end = first + memory.window_count[place]
+    full_s = row[TIME] + duration_s
+    for window in range(_first_until(memory, first, end, full_s - 2.0 * slack_s(full_s)), end):
         start_s = max(row[TIME], memory.window_s[window, 0])
-        if start_s >= soonest_s:
-            if memory.window_s[window, 0] >= soonest_s:
-                break
-            continue
+        end_s = start_s + duration_s
         free_until_s = memory.window_s[window, 1]
-        if start_s + duration_s <= free_until_s + slack_s(free_until_s):
-            soonest_s = start_s
-            chosen = window
-    if chosen < 0:
-        return True
-    end_s = soonest_s + duration_s
-    return _enter_until(task, memory, label, state, curve, chosen, soonest_s, end_s, top_j)
+        if end_s <= free_until_s + slack_s(free_until_s):
+            return _enter_until(task, memory, label, state, curve, window, start_s, end_s, top_j)
+    return True
 
 
 @kernel
