@@ -115,6 +115,14 @@ FirmWithinOption = Annotated[
     ),
 ]
 
+MayChangeProviderOption = Annotated[
+    bool,
+    typer.Option(
+        "--may-change-provider",
+        help="Another provider may fly it, for the agreed price, while it waits for its drone.",
+    ),
+]
+
 EarliestPickupOption = Annotated[
     str | None,
     typer.Option(metavar="MOMENT", help="Loading does not begin before."),
@@ -164,6 +172,7 @@ class RequestOptions:
     pooling_wait_s: float | None
     may_be_later_s: float
     firm_within_s: float
+    may_change_provider: bool
     earliest_pickup: str | None
     latest_pickup: str | None
     not_before: Sequence[str]
@@ -195,6 +204,8 @@ class RequestOptions:
             allowed["may_be_later_s"] = self.may_be_later_s
         if self.firm_within_s:
             allowed["firm_within_s"] = self.firm_within_s
+        if self.may_change_provider:
+            allowed["may_change_provider"] = True
         return allowed
 
     def document(self, folder: DataFolder) -> dict[str, Any]:
@@ -211,6 +222,7 @@ class RequestOptions:
             given += ["--pooling"] if self.pooling else []
             given += ["--may-be-later-s"] if self.may_be_later_s else []
             given += ["--firm-within-s"] if self.firm_within_s else []
+            given += ["--may-change-provider"] if self.may_change_provider else []
             if self.pickup or self.packages or given:
                 options = ", ".join(given) or "a pickup station or --package"
                 fail(f"--file excludes {options}: write what you request into {self.file}")

@@ -79,7 +79,13 @@ def test_a_customer_asks_for_a_shared_trip(two_stations: StagedPage) -> None:
         page.get_by_role("button", name="Ask for offers").click()
 
     wishes = {"pooling": True, "pooling_wait_s": 900, "pickup_within_m": 900}
-    qos = {"objective": "FASTEST", "firm_within_s": 0, "may_be_later_s": 0, **wishes}
+    qos = {
+        "objective": "FASTEST",
+        "firm_within_s": 0,
+        "may_be_later_s": 0,
+        "may_change_provider": False,
+        **wishes,
+    }
     body: Any = asked.value.post_data_json
     assert body["qos"] == qos
     # Only a delivery without an offer can join the trip of another one.
@@ -91,7 +97,7 @@ def test_a_customer_asks_for_a_shared_trip(two_stations: StagedPage) -> None:
     assert (sent["qos"], "hold" in sent) == (qos, False)
 
 
-def test_a_customer_says_when_and_how_exactly_to_promise(two_stations: StagedPage) -> None:
+def test_a_customer_says_what_the_dispatcher_may_do(two_stations: StagedPage) -> None:
     two_stations.answers["/v1/sessions/current"] = {"subject_id": "books", "role": "customer"}
     page = two_stations.open("/console#/new").page
     page.get_by_role("combobox", name="Pickup").select_option("a")
@@ -99,12 +105,18 @@ def test_a_customer_says_when_and_how_exactly_to_promise(two_stations: StagedPag
     page.get_by_text("More wishes").click()
     page.get_by_label("Promise an arrival time within, minutes").fill("10")
     page.get_by_label("It may come later than promised by, minutes").fill("7.5")
+    page.get_by_label("Another provider may fly it, for the same price").check()
 
     with page.expect_request(lambda request: request.url.endswith("/v1/quotes")) as asked:
         page.get_by_role("button", name="Ask for offers").click()
 
     body: Any = asked.value.post_data_json
-    assert body["qos"] == {"objective": "FASTEST", "firm_within_s": 600, "may_be_later_s": 450}
+    assert body["qos"] == {
+        "objective": "FASTEST",
+        "firm_within_s": 600,
+        "may_be_later_s": 450,
+        "may_change_provider": True,
+    }
 
 
 def test_a_segment_is_closed_for_some_hours(two_stations: StagedPage) -> None:

@@ -272,6 +272,7 @@ def test_an_unknown_priority_is_refused_with_those_that_exist(gateway: Gateway) 
         ([], {}),
         (["--may-be-later-s", "1800"], {"may_be_later_s": 1800.0}),
         (["--firm-within-s", "600"], {"firm_within_s": 600.0}),
+        (["--may-change-provider"], {"may_change_provider": True}),
         (["--pooling"], {"pooling": True, "pooling_wait_s": 0.0}),
         (["--pooling", "--pooling-wait-s", "600"], {"pooling": True, "pooling_wait_s": 600.0}),
     ],

@@ -9,7 +9,8 @@ const newPackage = (number) => ({package_id: `p${number}`, mass_kg: "1", station
 const nobody = () => ({name: "", phone: "", email: "", instructions: ""});
 // A place is {label, position, station} of what is no station; its station stands beside it.
 const nothing = () => ({pickup: "", pickupPlace: null, walkM: "1000", contact: nobody(), packages: [newPackage(1)], objective: "FASTEST", reference: "",
-  latest: "", isHeld: false, mayShare: false, waitMinutes: "0", withinM: "0", firmMinutes: "0", laterMinutes: "0"});
+  latest: "", isHeld: false, mayShare: false, waitMinutes: "0", withinM: "0", firmMinutes: "0", laterMinutes: "0",
+  mayChange: false});
 
 // It outlives the view, so that a look at another view loses nothing.
 export const draft = signal(nothing());
@@ -62,10 +63,11 @@ function placeOf(stationId, place, walkM) {
 // The body of POST /v1/quotes. The browser's own time zone is that of all moments in the console.
 export function quoteRequest() {
   const {pickup, pickupPlace, walkM, packages, objective, reference, latest, isHeld, mayShare, waitMinutes, withinM,
-    firmMinutes, laterMinutes} = draft.value;
+    firmMinutes, laterMinutes, mayChange} = draft.value;
   const pooling = mayShare
     ? {pooling: true, pooling_wait_s: 60 * Number(waitMinutes), pickup_within_m: Number(withinM)} : {};
-  const promise = {firm_within_s: 60 * Number(firmMinutes), may_be_later_s: 60 * Number(laterMinutes)};
+  const promise = {firm_within_s: 60 * Number(firmMinutes), may_be_later_s: 60 * Number(laterMinutes),
+    may_change_provider: mayChange};
   return {
     pickup: placeOf(pickup, pickupPlace, walkM),
     packages: packages.map(({package_id, mass_kg, station_id, place, proof}) =>

@@ -40,7 +40,7 @@ const ProofChoice = ({each, number, isOnly}) => html`
 
 function Wishes() {
   const {packages, objective, reference, latest, isHeld, mayShare, waitMinutes, withinM,
-    firmMinutes, laterMinutes} = draft.value;
+    firmMinutes, laterMinutes, mayChange} = draft.value;
   return html`
     <div class="fields">
       ${packages.map((each, number) => html`<${ProofChoice} key=${number} each=${each} number=${number}
@@ -60,6 +60,9 @@ function Wishes() {
       <label class="check"><input type="checkbox" checked=${isHeld}
         onChange=${({target}) => change({isHeld: target.checked})} />
         Keep the drones of the best offers for me until the offers end</label>
+      <label class="check"><input type="checkbox" checked=${mayChange}
+        onChange=${({target}) => change({mayChange: target.checked})} />
+        Another provider may fly it, for the same price</label>
       <label class="check"><input type="checkbox" checked=${mayShare}
         onChange=${({target}) => change({mayShare: target.checked})} />
         Share the trip with packages of others, at a lower price (not with a latest delivery)</label>
