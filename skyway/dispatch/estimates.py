@@ -14,7 +14,7 @@ import numpy as np
 from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.pools import Sharing, pickups_of
 from skyway.dispatch.problem import FleetProblem, FleetRequest
-from skyway.dispatch.stop_orders import StopOrders, Stops, orders_of
+from skyway.dispatch.stop_orders import MOST_ORDERED, StopOrders, Stops, orders_of
 from skyway.drone.charging import fastest_s_per_soc, model_on_pad
 from skyway.drone.flight import flight_power_w, speed_mps
 from skyway.drone.model import DroneModel
@@ -198,11 +198,26 @@ class Estimates:
         return float(max(seconds + least[SECONDS], need + least[NEED] - credit_s))
 
     def orders(self, source: StationId, kind: int, pool: Pool) -> StopOrders:
-        """The orders in which a trip from this pickup may serve these requests."""
+        """The orders in which a trip from this pickup may serve these requests.
+
+        With many destinations all orders with the same end become one. It has the least seconds and
+        needs of them all. It serves the members with this end then, and each other member as soon
+        as a trip that carries its packages alone.
+        """
         requests = [self._problem.requests[each] for each in pool]
         masses, loading_s = self._after_loading(source, requests)
         places = [self.place_of[each] for each in masses]
         here = self.place_of[source]
+        if len(places) > MOST_ORDERED or not self._may_fly(kind, pool):
+            trip = self.trip_from(source, kind, pool)
+            alone = [
+                self.trip_from(source, kind, (each,)).least[:, :2].min(axis=0) for each in pool
+            ]
+            last = [[self.place_of[one.destination] for one in each.packages] for each in requests]
+            is_last = np.array([np.isin(trip.ends, each) for each in last]).T
+            served = np.where(is_last[..., None], trip.least[:, None, :2], np.array(alone))
+            ready_s = np.repeat(self._escapes_s[kind][here], len(trip.ends))
+            return StopOrders(trip.ends, trip.least, served, ready_s)
         if not places:
             least, served = (
                 np.array([[loading_s, loading_s, 0.0]]),

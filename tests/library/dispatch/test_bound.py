@@ -5,12 +5,20 @@ from itertools import permutations, product
 
 import pytest
 
+from skyway.dispatch import estimates
 from skyway.dispatch.optimise import begun, optimise, proven_s, searched
 from skyway.dispatch.pools import pickups_of
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.schedule import Schedule, Scheduler
 from skyway.ids import StationId
-from tests.library.dispatch.fleets import MODEL, small_fleet, with_pickups, without_promises
+from skyway.planner.problem_parts import PackageToDeliver
+from tests.library.dispatch.fleets import (
+    MODEL,
+    city,
+    small_fleet,
+    with_pickups,
+    without_promises,
+)
 
 
 def groups(items: Sequence[int]) -> Iterator[list[tuple[int, ...]]]:
@@ -78,6 +86,36 @@ def test_the_bound_is_below_the_best_of_all_plans_and_the_search_is_near(
     assert 0 < plan.lower_bound_s <= best_s + 0.1
     # A bound is never above the best plan that is known, so it is also proven from a worse plan.
     assert 0 < proven_s(begun(problem, seed=seed)) <= best_s + 0.1
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_bound_holds_if_all_orders_of_a_trip_count_as_one(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the orders of trips with more than four destinations do."""
+    problem = with_pickups(without_promises(small_fleet(seed, drones=2, requests=3)), seed)
+    best_s = min(each.costs.total_s for each in all_schedules(problem))
+
+    monkeypatch.setattr(estimates, "MOST_ORDERED", 0)
+
+    assert 0 < proven_s(begun(problem, seed=seed)) <= best_s + 0.1
+
+
+def test_a_fleet_is_proven_whose_request_has_twelve_destinations() -> None:
+    problem = without_promises(small_fleet(1, drones=2, requests=2, network=city(1, stations=16)))
+    first, *others = problem.requests
+    stations = [each for each in problem.network.stations if each != first.source]
+    packages = tuple(
+        PackageToDeliver(package_id=f"p{number}", mass_kg=0.01, destination=each)
+        for number, each in enumerate(stations[:12])
+    )
+    many = first.model_copy(update={"packages": packages})
+    problem = problem.model_copy(update={"requests": (many, *others)})
+
+    plan = optimise(problem, rounds=20, proves=True)
+
+    assert plan.lower_bound_s is not None
+    assert 0 < plan.lower_bound_s <= plan.costs.total_s + 0.1
 
 
 def test_a_weaker_bound_is_given_if_not_all_shared_trips_are_estimated() -> None:
