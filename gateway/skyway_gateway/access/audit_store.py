@@ -98,9 +98,9 @@ def body_text(raw: bytes, *, path: str = "") -> str | None:
 def _without_people(text: str) -> str:
     try:
         body = json.loads(text)
-    except ValueError:  # not JSON, or cut
+        return json.dumps(_shown(body) if isinstance(body, dict) else _HIDDEN)
+    except (ValueError, RecursionError):  # not JSON, cut, or nested too deeply
         return _HIDDEN
-    return json.dumps(_shown(body) if isinstance(body, dict) else _HIDDEN)
 
 
 def _shown(value: Any) -> Any:  # any JSON value

@@ -24,6 +24,8 @@ _OPEN = {
 }
 #: Its first event needs loops, which do not run here: it is answered with 503.
 _NEEDS_LOOPS = "GET /v1/live"
+#: The registry refuses a wrong body; the one of these tests answers with no provider then.
+_MAKES_A_PROVIDER = "POST /v1/providers"
 _ROLES = ("customer", "provider", "operator", "drone")
 _REFUSED = {401, 403}
 
@@ -136,6 +138,28 @@ async def test_no_secret_but_a_key_in_use_opens_the_gateway(gateway: Gateway) ->
     }
 
     assert {call: status for call, status in answers.items() if status != 401} == {}
+
+
+@pytest.mark.parametrize("depth", [150, 450, 950, 4_000])
+@pytest.mark.parametrize(("opened", "closed"), [("[", "]"), ('{"qos":', "}")])
+async def test_no_body_that_nests_deeply_is_a_fault_of_the_gateway(
+    gateway: Gateway, depth: int, opened: str, closed: str
+) -> None:
+    gateway.is_damaged = True  # what is forwarded is not checked here
+    limit(gateway, tenants=10_000, refusals=10_000, addresses=10_000)
+    body = opened * depth + ("1" if closed == "}" else "") + closed * depth
+    answers = {}
+    for operation in (each for each in GUARDED if each.body and each.name != _MAKES_A_PROVIDER):
+        for role in ("customer", "provider", "operator"):
+            headers = {**getattr(gateway, role), "Content-Type": "application/json"}
+            gateway.http.cookies.clear()
+            answer = await gateway.http.request(
+                operation.method, operation.url(), content=body, headers=headers
+            )
+            answers[operation.name, role] = answer.status_code
+
+    assert {call: status for call, status in answers.items() if status >= 500} == {}
+    assert len(answers) > 20
 
 
 async def test_a_provider_of_another_looks_like_one_that_does_not_exist(gateway: Gateway) -> None:
