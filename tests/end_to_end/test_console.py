@@ -414,14 +414,14 @@ def test_a_past_hour_is_played_again(
 ) -> None:
     drone = drone_of(fleets, "played")
     place = "/v1/stations/played-t5/closures"
-    closed = system.operate("POST", place, {"reason": "fog"})["closure_id"]
+    closure = system.operate("POST", place, {"reason": "fog"})
     delivery_id = system.request_delivery(["played-s2"], pickup="played-s1")
     system.until_state(delivery_id, "COMPLETED")
-    system.operate("DELETE", f"{place}/{closed}")
+    system.operate("DELETE", f"{place}/{closure['closure_id']}")
     shown_network(console.page, "played")
     page = console.show("replay").page
     # On a slow machine the hour that has just passed may begin after the flight.
-    console.replay_from(system.operate("GET", f"/v1/deliveries/{delivery_id}")["created_at"])
+    console.replay_from(closure["made_at"])
     expect(page.locator(".player")).to_contain_text("measured something")
     expect(page.get_by_label("What happened")).to_contain_text("Station Played T5 closed")
     page.get_by_label("Speed").select_option("60")

@@ -12,6 +12,10 @@ export const keyWanted = signal(null);
 
 // How long an answer may take until it counts as lost.
 const READ_WITHIN_MS = 60_000;
+// What was not done because too much is asked is asked again this often, at most this much later.
+const MOST_REPEATS = 3;
+const LONGEST_PAUSE_S = 10;
+const S_IN_MS = 1_000;
 
 const sentence = (text) => `${text.charAt(0).toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? "" : "."}`;
 
@@ -44,8 +48,14 @@ const askForKey = () => new Promise((give) => {
   keyWanted.value = give;
 });
 
+const pause = (seconds) => new Promise((go) => setTimeout(go, seconds * S_IN_MS));
+
+// Whether the call may be sent once more: nothing was accepted, or its key says that it is the same.
+const mayRepeat = (status, {code}, headers) =>
+  code === "OVERLOADED" || (status === 503 && "Idempotency-Key" in headers);
+
 // The answer of a call as JSON, or null where it has no content. Throws a Refusal.
-export async function call(method, path, body, headers = {}) {
+export async function call(method, path, body, headers = {}, repeats = MOST_REPEATS) {
   let answer;
   try {
     answer = await fetch(path, {
@@ -64,6 +74,10 @@ export async function call(method, path, body, headers = {}) {
   // The key is sent with this one call, and kept nowhere.
   const key = problem.code === "KEY_NEEDED" && (await askForKey());
   if (key) return call(method, path, body, {...headers, Authorization: `Bearer ${key}`});
+  if (repeats > 0 && mayRepeat(answer.status, problem, headers)) {
+    await pause(Math.min(Number(answer.headers.get("Retry-After") ?? 1), LONGEST_PAUSE_S));
+    return call(method, path, body, headers, repeats - 1);
+  }
   throw refused(answer, problem);
 }
 

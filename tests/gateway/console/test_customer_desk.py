@@ -1,11 +1,12 @@
 """The customer's desk: a request by address or by a click on the map, people, and terms."""
 
+import re
 from copy import deepcopy
 from typing import Any
 from urllib.parse import parse_qs
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.end_to_end.browser import needs_browser, serious_problems
 from tests.gateway.console.staged_page import StagedPage
@@ -179,6 +180,62 @@ def test_an_offer_shows_its_walk_and_terms_and_is_taken_with_the_people(page: Pa
         "recipient": {"name": "Ana Ruiz", "phone": "+15125550100"},
         "instructions": "Ring at the blue door.",
     }
+
+
+def refuse_once(page: Page, status: int, **members: Any) -> list[str]:
+    """The gateway refuses the first order; the list gets the body of each order."""
+    sent: list[str] = []
+
+    def answer(route: Route) -> None:
+        if route.request.method != "POST":
+            return route.fallback()
+        sent.append(str(route.request.post_data))
+        if len(sent) > 1:
+            return route.fulfill(status=202, json={"delivery_id": "dlv_1"})
+        return route.fulfill(status=status, json=members, headers={"Retry-After": "0"})
+
+    page.route("**/v1/deliveries", answer)
+    return sent
+
+
+def take_the_offer(page: Page) -> None:
+    page.get_by_role("combobox", name="Pickup").select_option("a")
+    page.get_by_role("combobox", name="To", exact=True).select_option("b")
+    page.get_by_role("button", name="Ask for offers").click()
+    page.get_by_role("button", name="Take the offer").click()
+
+
+def test_an_offer_that_was_lost_is_followed_by_new_offers_and_the_reason_stays(
+    stage: StagedPage, page: Page
+) -> None:
+    refuse_once(page, 409, code="OFFER_LOST", detail="its drone flies for somebody else")
+    stage.install_clock()
+
+    with page.expect_request("**/v1/quotes"):
+        take_the_offer(page)
+        stage.answers["/v1/quotes"] = quote(quote_id="quo_2")
+
+    said = page.get_by_text("Its drone flies for somebody else.")
+    expect(said).to_be_visible()
+    page.clock.run_for(60_000)
+    expect(said).to_be_visible()
+    assert asked_body(page, "Take the offer", "/v1/deliveries")["quote_id"] == "quo_2"
+    expect(said).to_have_count(0)
+
+
+@pytest.mark.parametrize(
+    ("status", "code"), [(503, "OVERLOADED"), (429, "OVERLOADED"), (503, None)]
+)
+def test_an_order_that_was_not_taken_for_lack_of_time_is_sent_again(
+    page: Page, status: int, code: str | None
+) -> None:
+    sent = refuse_once(page, status, code=code, detail="too much is asked")
+
+    take_the_offer(page)
+
+    expect(page).to_have_url(re.compile("#/deliveries/dlv_1"))
+    assert len(sent) == 2
+    assert sent[0] == sent[1]
 
 
 def test_the_pickup_of_the_last_delivery_is_suggested_unless_one_is_chosen(

@@ -11,11 +11,11 @@ let last = 0;
 
 const forget = (gone) => (shown.value = shown.value.filter(({id}) => id !== gone));
 
-// `undo` is called when somebody thinks again.
+// `undo` is called when somebody thinks again. A refusal stays until it is read or something else is said.
 export function say(text, kind = "done", undo = null) {
   const id = (last += 1);
-  shown.value = [...shown.value, {id, text, kind, undo}];
-  setTimeout(() => forget(id), undo ? UNDO_MS : SHOWN_MS);
+  shown.value = [...shown.value.filter((each) => each.kind !== "refused"), {id, text, kind, undo}];
+  if (kind !== "refused") setTimeout(() => forget(id), undo ? UNDO_MS : SHOWN_MS);
 }
 
 // Runs an action, and shows why it failed if it does; whether it succeeded.
@@ -30,6 +30,8 @@ export async function attempt(action, done) {
   return true;
 }
 
+const Close = ({id}) => html` <button class="undo" onClick=${() => forget(id)}>Close</button>`;
+
 function Undo({id, undo}) {
   const act = () => {
     forget(id);
@@ -41,5 +43,6 @@ function Undo({id, undo}) {
 export const Messages = () => html`
   <div class="messages" role="status" aria-live="polite">
     ${shown.value.map(({id, text, kind, undo}) => html`
-      <p key=${id} class=${kind}>${text}${undo && html`<${Undo} id=${id} undo=${undo} />`}</p>`)}
+      <p key=${id} class=${kind}>${text}${undo && html`<${Undo} id=${id} undo=${undo} />`}
+        ${kind === "refused" && html`<${Close} id=${id} />`}</p>`)}
   </div>`;

@@ -16,6 +16,7 @@ import {beginAgain, offeredWays, people} from "./request_draft.js";
 const METRES_PER_KM = 1_000;
 const JOULES_PER_WH = 3_600;
 const TEXT = WORDS.offers;
+const GONE = new Set(["OFFER_LOST", "QUOTE_EXPIRED"]);
 
 const lastOf = (packages, name) => packages.map((each) => each[name]).filter(Boolean).sort().at(-1);
 
@@ -76,7 +77,7 @@ function Busy({reasons, onRequest}) {
   return html`<p>${wait}</p><button class="main" onClick=${onRequest}>${WORDS.request.orderAnyway}</button>`;
 }
 
-export function OfferCards({quote, names, onRequest}) {
+export function OfferCards({quote, names, onAsk, onRequest}) {
   ticks.value; // read so that the time that is left is right each second
   const section = useRef(null);
   const [isBusy, setBusy] = useState(false);
@@ -96,7 +97,12 @@ export function OfferCards({quote, names, onRequest}) {
     await attempt(async () => {
       // The same offer is taken once, however often somebody presses the button.
       const headers = {"Idempotency-Key": `take-${offer_id}`};
-      const {delivery_id} = await post("/v1/deliveries", {quote_id, offer_id, ...people()}, headers);
+      const {delivery_id} = await post("/v1/deliveries", {quote_id, offer_id, ...people()}, headers)
+        .catch((refusal) => {
+          // Somebody was faster, or the offer is over: the next offers are better than a closed door.
+          if (GONE.has(refusal.problem?.code)) onAsk();
+          throw refusal;
+        });
       beginAgain();
       openView("deliveries", delivery_id);
     }, "The delivery is requested.");

@@ -115,6 +115,7 @@ export function CustomerView() {
         <div class="map-frame"><${RequestMap} network=${network} /></div>
       </div>
       ${refused && html`<p class="refused" role="alert">${refused}</p>`}
-      ${quote && html`<${OfferCards} key=${quote.quote_id} quote=${quote} names=${names} onRequest=${request} />`}
+      ${quote && html`<${OfferCards} key=${quote.quote_id} quote=${quote} names=${names}
+        onAsk=${ask} onRequest=${request} />`}
     </div>`;
 }
