@@ -35,7 +35,7 @@ _MEASURES: Final = {
 }
 
 _COMMAND: Final = re.compile(r"python -m skyway_lab (\w+)")
-_COMMIT: Final = re.compile(r"\bcommit ([0-9a-f]{7,40})\b")
+_COMMIT: Final = re.compile(r"\bcommit\s([0-9a-f]{7,40})\b")
 
 
 @dataclass(frozen=True, slots=True)

@@ -198,7 +198,7 @@ def refuse_once(page: Page, status: int, **members: Any) -> list[str]:
     return sent
 
 
-def take_the_offer(page: Page) -> None:
+def accept_best_offer(page: Page) -> None:
     page.get_by_role("combobox", name="Pickup").select_option("a")
     page.get_by_role("combobox", name="To", exact=True).select_option("b")
     page.get_by_role("button", name="Ask for offers").click()
@@ -212,7 +212,7 @@ def test_an_offer_that_was_lost_is_followed_by_new_offers_and_the_reason_stays(
     stage.install_clock()
 
     with page.expect_request("**/v1/quotes"):
-        take_the_offer(page)
+        accept_best_offer(page)
         stage.answers["/v1/quotes"] = quote(quote_id="quo_2")
 
     said = page.get_by_text("Its drone flies for somebody else.")
@@ -231,7 +231,7 @@ def test_an_order_that_was_not_taken_for_lack_of_time_is_sent_again(
 ) -> None:
     sent = refuse_once(page, status, code=code, detail="too much is asked")
 
-    take_the_offer(page)
+    accept_best_offer(page)
 
     expect(page).to_have_url(re.compile("#/deliveries/dlv_1"))
     assert len(sent) == 2
