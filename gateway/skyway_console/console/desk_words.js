@@ -36,6 +36,7 @@ export const WORDS = {
     waitUnknown: "Order it all the same: the next free drone flies it.",
     holds: (span) => `The best one is first. They hold for another ${span}. The map shows their ways.`,
     over: "These offers have ended. Ask for new ones.",
+    gone: "That offer is gone: its drone flies for somebody else, or the offer was too old. Here is what can be had now.",
     likely: (moment) => `Very likely by ${moment}`,
     expected: (moment) => `Expected at ${moment}`,
     pickup: (moment, station) => `Pickup ${moment}${station ? ` at ${station}` : ""}`,

@@ -205,17 +205,17 @@ def accept_best_offer(page: Page) -> None:
     page.get_by_role("button", name="Take the offer").click()
 
 
-def test_an_offer_that_was_lost_is_followed_by_new_offers_and_the_reason_stays(
+def test_an_offer_that_is_gone_is_followed_by_new_offers_and_the_reason_stays(
     stage: StagedPage, page: Page
 ) -> None:
-    refuse_once(page, 409, code="OFFER_LOST", detail="its drone flies for somebody else")
+    refuse_once(page, 409, code="OFFER_LOST", detail="offer off_1 cannot be kept")
     stage.install_clock()
 
     with page.expect_request("**/v1/quotes"):
         accept_best_offer(page)
         stage.answers["/v1/quotes"] = quote(quote_id="quo_2")
 
-    said = page.get_by_text("Its drone flies for somebody else.")
+    said = page.get_by_text("That offer is gone: its drone flies for somebody else")
     expect(said).to_be_visible()
     page.clock.run_for(60_000)
     expect(said).to_be_visible()

@@ -99,9 +99,9 @@ export function OfferCards({quote, names, onAsk, onRequest}) {
       const headers = {"Idempotency-Key": `take-${offer_id}`};
       const {delivery_id} = await post("/v1/deliveries", {quote_id, offer_id, ...people()}, headers)
         .catch((refusal) => {
-          // Somebody was faster, or the offer is over: the next offers are better than a closed door.
-          if (GONE.has(refusal.problem?.code)) onAsk();
-          throw refusal;
+          if (!GONE.has(refusal.problem?.code)) throw refusal;
+          onAsk();
+          throw new Error(TEXT.gone);
         });
       beginAgain();
       openView("deliveries", delivery_id);
