@@ -209,11 +209,11 @@ def test_an_offer_that_is_gone_is_followed_by_new_offers_and_the_reason_stays(
     stage: StagedPage, page: Page
 ) -> None:
     refuse_once(page, 409, code="OFFER_LOST", detail="offer off_1 cannot be kept")
+    quotes = iter([quote(), quote(quote_id="quo_2")])
+    stage.answers["/v1/quotes"] = lambda _: next(quotes)
     stage.install_clock()
 
-    with page.expect_request("**/v1/quotes"):
-        accept_best_offer(page)
-        stage.answers["/v1/quotes"] = quote(quote_id="quo_2")
+    accept_best_offer(page)
 
     said = page.get_by_text("That offer is gone: its drone flies for somebody else")
     expect(said).to_be_visible()

@@ -98,9 +98,9 @@ export function OfferCards({quote, names, onAsk, onRequest}) {
       // The same offer is taken once, however often somebody presses the button.
       const headers = {"Idempotency-Key": `take-${offer_id}`};
       const {delivery_id} = await post("/v1/deliveries", {quote_id, offer_id, ...people()}, headers)
-        .catch((refusal) => {
+        .catch(async (refusal) => {
           if (!GONE.has(refusal.problem?.code)) throw refusal;
-          onAsk();
+          await onAsk();
           throw new Error(TEXT.gone);
         });
       beginAgain();
