@@ -19,6 +19,8 @@ from tests.pictures.views import VIEWS, Screen
 _MOST_LOOKS: Final = 100
 _SAME_LOOKS: Final = 5
 
+#: A view that reads again every few seconds shows more the second time, such as rates. Each reads once.
+_READ_ONCE: Final = "window.setInterval = () => 0;"
 #: Whether the map of the page, if it has one, has drawn all that it has.
 _IS_DRAWN: Final = """() => {
   const element = document.querySelector(".map");
@@ -43,6 +45,7 @@ def _stage(browser: Browser, world: RecordedWorld, role: str, screen: Screen) ->
     # The views were read one after the other, and each read the clock: one moment holds for all.
     answers["/v1/clock"] = {"now": world.now, "rate": world.rate}
     staged = StagedPage(browser, answers, context=context)
+    staged.page.add_init_script(_READ_ONCE)
     staged.page.clock.set_fixed_time(world.wall_ms / 1000)
     return staged
 
