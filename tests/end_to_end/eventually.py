@@ -7,6 +7,8 @@ from typing import Any
 
 #: Longest wait, in seconds of wall time; generous, because CI machines can be slow.
 LONGEST_WAIT_S = 300.0
+#: For a program that starts a system, plays a story of many steps, and ends.
+LONGEST_PROGRAM_S = 900.0
 
 #: The pause before the second question, and how pauses grow: many questions keep a system busy.
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S, _GROWTH = 0.05, 0.25, 1.2

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.end_to_end.eventually import LONGEST_WAIT_S
+from tests.end_to_end.eventually import LONGEST_PROGRAM_S
 
 ROOT = Path(__file__).parents[2]
 FAULTS = (
@@ -36,7 +36,7 @@ def test_nothing_is_lost_and_nothing_done_twice_while_parts_fail() -> None:
         cwd=ROOT,
         capture_output=True,
         text=True,
-        timeout=LONGEST_WAIT_S,
+        timeout=LONGEST_PROGRAM_S,
         check=False,
     )
 

@@ -172,7 +172,7 @@ def test_a_closed_station_diverts_a_drone(
 
     delivery_id = system.operate("GET", f"/v1/missions/{mission}")["mission"]["delivery_id"]
     happened = console.show("deliveries", delivery_id).page.get_by_label("What happened")
-    expect(happened).to_contain_text(re.compile("p1 (as planned|.+ later than planned)"))
+    expect(happened).to_contain_text(re.compile("p1 (as planned|.+ (earlier|later) than planned)"))
 
 
 def test_an_area_is_drawn_and_closed(console: ConsolePage, system: Any) -> None:

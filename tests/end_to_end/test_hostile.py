@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.end_to_end.eventually import LONGEST_WAIT_S
+from tests.end_to_end.eventually import LONGEST_PROGRAM_S
 
 ROOT = Path(__file__).parents[2]
 
@@ -31,7 +31,7 @@ def test_rogues_break_nothing_and_honest_people_go_on(storage: str) -> None:
         cwd=ROOT,
         capture_output=True,
         text=True,
-        timeout=LONGEST_WAIT_S,
+        timeout=LONGEST_PROGRAM_S,
         check=False,
     )
 
