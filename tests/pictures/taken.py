@@ -19,7 +19,7 @@ from tests.pictures.views import VIEWS, Screen
 _MOST_LOOKS: Final = 100
 _SAME_LOOKS: Final = 5
 
-#: A view that reads again every few seconds shows more the second time, such as rates. Each reads once.
+#: A view that reads again after seconds shows more the second time, such as rates.
 _READ_ONCE: Final = "window.setInterval = () => 0;"
 #: Whether the map of the page, if it has one, has drawn all that it has.
 _IS_DRAWN: Final = """() => {
