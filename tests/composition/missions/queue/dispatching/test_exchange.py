@@ -10,14 +10,17 @@ from skyway_composition.missions.queue.dispatching.adopt import BetterOrder
 from skyway_composition.missions.queue.dispatching.dispatch import Dispatcher
 from skyway_composition.missions.queue.dispatching.fleet import Fleet
 from skyway_composition.missions.queue.dispatching.merger import share_of
+from skyway_composition.missions.queue.dispatching.search_process import FoundOrder, Search
 from skyway_composition.statistics.store import better_orders_of
 
 from skyway.delivery.offer import Tariff
-from skyway.ids import ProviderId
+from skyway.ids import DroneId, ProviderId
+from skyway.network.network import Network
 from skyway.runtime.sql.database import Tx
 from tests.composition.busy_network import MODEL, NETWORK_ID, PLACES, add_network
 from tests.composition.busy_world import BusyWorld
 from tests.composition.dispatched_world import (
+    OwnSearch,
     RegistryInService,
     adopt_after_kills,
     dispatcher_of,
@@ -32,6 +35,7 @@ pytestmark = pytest.mark.databases("sqlite")
 _SAME: Final = Tariff(base=100, per_km=10)
 _FIRST, _SECOND = ProviderId("prv_1"), ProviderId("prv_2")
 _AGREED: Final = {"may_change_provider": True}
+_FIRST_DRONE, _WEAK = DroneId("drn_1"), DroneId("drn_weak")
 
 
 class TwoProviders(BusyWorld):
@@ -58,6 +62,21 @@ class EachAlone(TwoProviders):
     """The same in a network in which each provider's drones are planned alone."""
 
     is_joint = False
+
+
+class WithAWeakDrone(TwoProviders):
+    """The second provider also has a drone that lifts nothing that the first one flies."""
+
+    def make_drones(self) -> Iterator[FlownDrone]:
+        yield from super().make_drones()
+        yield FlownDrone(
+            "drn_weak",
+            model=MODEL.model_copy(update={"max_payload_kg": 0.3}),
+            home="a",
+            position=PLACES["a"],
+            clock=self.clock,
+            provider_id="prv_2",
+        )
 
 
 @pytest.fixture(params=[TwoProviders])
@@ -130,6 +149,51 @@ async def test_a_mission_changes_its_provider_if_all_three_agree(world: BusyWorl
         assert "prv_1" not in report.model_dump_json()
     await world.end()
     assert {*moved} <= {*delivered_by(world, 2)}
+
+
+class TooMuchForTheWeak(OwnSearch):
+    """Adds a mission of the first drone to those of the weak one, which has no plan for it.
+
+    So does a real search where wind is: it plans in still air.
+    """
+
+    async def find(self, search: Search, network: Network) -> FoundOrder:
+        found = await super().find(search, network)
+        orders = dict(found.orders)
+        if _WEAK in orders:
+            *first, last = orders[_FIRST_DRONE]
+            orders |= {_FIRST_DRONE: tuple(first), _WEAK: (*orders[_WEAK], last)}
+        return replace(found, orders=orders)
+
+
+@pytest.mark.parametrize("world", [WithAWeakDrone], indirect=True)
+async def test_a_drone_without_a_plan_does_not_refuse_the_order_of_all_others(
+    world: BusyWorld,
+) -> None:
+    await book_unevenly(world)
+    weak = world.drones[2:]
+    light = request("dlv6", "a", "b")
+    light = light.model_copy(
+        update={
+            "packages": tuple(one.model_copy(update={"mass_kg": 0.2}) for one in light.packages)
+        }
+    )
+    for name in ("dlv6", "dlv7"):
+        assert await world.book(name, light, loading="AUTOMATIC", drones=weak) == "BOOKED"
+        await world.keep_calendars()
+    dispatcher = dispatcher_of(
+        world,
+        search=TooMuchForTheWeak(),
+        registry=RegistryInService(tariffs={"prv_1": _SAME, "prv_2": _SAME}),
+    )
+
+    assert await look(world, dispatcher) == ["adopted"]
+
+    after = await waiting_missions(world)
+    of_weak = {str(each.mission.delivery_id) for each in after.values() if each.drone_id == _WEAK}
+    assert of_weak <= {"dlv6", "dlv7"}
+    assert "drn_2" in {each.drone_id for each in after.values()}
+    await world.end()
 
 
 async def test_each_provider_counts_what_was_saved_for_its_own_missions(world: BusyWorld) -> None:
