@@ -88,12 +88,9 @@ class DeliveryProof(JsonModel):
     packages: Annotated[tuple[PackageProof, ...], Field(description="The proof of each package.")]
 
 
-_WHY: Final = (
-    "so the packages of all providers that exchange deliveries arrive earlier together; price and "
-    "terms stay as agreed"
-)
+_WHY: Final = "taken together, the packages of all providers that exchange deliveries come earlier"
 _REASONS: Final = {
-    "CAME": f"it came from another provider: {_WHY}, and you are paid by them",
+    "CAME": f"it came from another provider, with its price and its terms: {_WHY}",
     "LEFT": f"another provider flies it, and is paid for it: {_WHY}",
 }
 
