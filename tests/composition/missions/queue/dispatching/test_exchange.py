@@ -32,9 +32,9 @@ from tests.composition.missions.queue.booked_chain import delivered_by, reports_
 pytestmark = pytest.mark.databases("sqlite")
 
 #: With this tariff the drones of a busy world are booked.
-_SAME: Final = Tariff(base=100, per_km=10)
+SAME: Final = Tariff(base=100, per_km=10)
 _FIRST, _SECOND = ProviderId("prv_1"), ProviderId("prv_2")
-_AGREED: Final = {"may_change_provider": True}
+AGREED: Final = {"may_change_provider": True}
 _FIRST_DRONE, _WEAK = DroneId("drn_1"), DroneId("drn_weak")
 
 
@@ -86,13 +86,21 @@ async def world(migrated_url: str, request: Any) -> AsyncIterator[BusyWorld]:
 
 
 async def book_unevenly(
-    world: BusyWorld, qos: Mapping[str, Any] = _AGREED, *, loading: str = "AUTOMATIC"
+    world: BusyWorld,
+    qos: Mapping[str, Any] = AGREED,
+    *,
+    loading: str = "AUTOMATIC",
+    method: str | None = None,
 ) -> None:
-    """Four missions for the drone of the first provider, and one for that of the second."""
+    """Four missions for the drone of the first provider, and one for that of the second.
+
+    The first four need this proof.
+    """
+    proof = None if method is None else {"method": method, "wait_s": 900}
     for number, (pickup, to, drone) in enumerate([*[("a", "b", 0)] * 4, ("b", "c", 1)], 1):
         outcome = await world.book(
             f"dlv{number}",
-            request(f"dlv{number}", pickup, to, qos={**qos} if drone == 0 else {}),
+            request(f"dlv{number}", pickup, to, qos={**qos} if drone == 0 else {}, proof=proof),
             loading="AUTOMATIC" if drone == 0 else loading,
             drones=[world.drones[drone]],
         )
@@ -135,7 +143,7 @@ async def test_a_mission_changes_its_provider_if_all_three_agree(world: BusyWorl
     await book_unevenly(world)
     before = await waiting_missions(world)
 
-    assert await look(world, joint(world, prv_1=_SAME, prv_2=_SAME)) == ["adopted"]
+    assert await look(world, joint(world, prv_1=SAME, prv_2=SAME)) == ["adopted"]
 
     after = await waiting_missions(world)
     moved = [name for name, of in (await providers_of(world)).items() if of == "prv_2"]
@@ -184,7 +192,7 @@ async def test_a_drone_without_a_plan_does_not_refuse_the_order_of_all_others(
     dispatcher = dispatcher_of(
         world,
         search=TooMuchForTheWeak(),
-        registry=RegistryInService(tariffs={"prv_1": _SAME, "prv_2": _SAME}),
+        registry=RegistryInService(tariffs={"prv_1": SAME, "prv_2": SAME}),
     )
 
     assert await look(world, dispatcher) == ["adopted"]
@@ -199,7 +207,7 @@ async def test_a_drone_without_a_plan_does_not_refuse_the_order_of_all_others(
 async def test_each_provider_counts_what_was_saved_for_its_own_missions(world: BusyWorld) -> None:
     await book_unevenly(world)
 
-    await look(world, joint(world, prv_1=_SAME, prv_2=_SAME))
+    await look(world, joint(world, prv_1=SAME, prv_2=SAME))
 
     async with world.db.read() as connection:
         found = await better_orders_of(connection, None, since_ms=0)
@@ -210,14 +218,14 @@ async def test_each_provider_counts_what_was_saved_for_its_own_missions(world: B
 @pytest.mark.parametrize(
     ("qos", "tariffs"),
     [
-        ({}, {"prv_1": _SAME, "prv_2": _SAME}),
-        (_AGREED, {"prv_1": _SAME}),
-        (_AGREED, {"prv_2": _SAME}),
-        (_AGREED, {"prv_1": _SAME, "prv_2": Tariff(base=100, per_km=11)}),
-        (_AGREED, {"prv_1": _SAME, "prv_2": _SAME.model_copy(update={"currency": "EUR"})}),
-        (_AGREED | {"providers": {"denied": ["prv_2"]}}, {"prv_1": _SAME, "prv_2": _SAME}),
-        (_AGREED | {"providers": {"pinned": "prv_1"}}, {"prv_1": _SAME, "prv_2": _SAME}),
-        (_AGREED | {"pooling": True}, {"prv_1": _SAME, "prv_2": _SAME}),
+        ({}, {"prv_1": SAME, "prv_2": SAME}),
+        (AGREED, {"prv_1": SAME}),
+        (AGREED, {"prv_2": SAME}),
+        (AGREED, {"prv_1": SAME, "prv_2": Tariff(base=100, per_km=11)}),
+        (AGREED, {"prv_1": SAME, "prv_2": SAME.model_copy(update={"currency": "EUR"})}),
+        (AGREED | {"providers": {"denied": ["prv_2"]}}, {"prv_1": SAME, "prv_2": SAME}),
+        (AGREED | {"providers": {"pinned": "prv_1"}}, {"prv_1": SAME, "prv_2": SAME}),
+        (AGREED | {"pooling": True}, {"prv_1": SAME, "prv_2": SAME}),
     ],
     ids=[
         "the customer does not allow it",
@@ -248,7 +256,7 @@ async def test_a_mission_keeps_its_provider_if_the_other_one_loads_otherwise(
     await book_unevenly(world, loading="CONFIRMED")
     before = await providers_of(world)
 
-    await look(world, joint(world, prv_1=_SAME, prv_2=_SAME))
+    await look(world, joint(world, prv_1=SAME, prv_2=SAME))
 
     assert await providers_of(world) == before
 
@@ -258,7 +266,7 @@ async def test_a_mission_keeps_its_provider_if_the_network_does_not_allow_it(
     world: BusyWorld,
 ) -> None:
     await book_unevenly(world)
-    before, dispatcher = await providers_of(world), joint(world, prv_1=_SAME, prv_2=_SAME)
+    before, dispatcher = await providers_of(world), joint(world, prv_1=SAME, prv_2=SAME)
 
     assert await dispatcher.finder.fleets() == [(NETWORK_ID, _FIRST)]
     await look(world, dispatcher)
@@ -271,7 +279,7 @@ async def test_a_mission_that_flies_for_several_deliveries_keeps_its_provider(
 ) -> None:
     await book_unevenly(world)
     skyway = await world.context.networks.current(NETWORK_ID)
-    fleet = Fleet({}, {_FIRST: _SAME, _SECOND: _SAME})
+    fleet = Fleet({}, {_FIRST: SAME, _SECOND: SAME})
     [of_second] = [each for each in await world.planned() if each.drone_id == "drn_2"]
     record, *_ = (await waiting_missions(world)).values()
     shared = replace(record, shares=(share_of(record),))
@@ -288,7 +296,7 @@ async def test_providers_are_searched_alone_if_together_too_many_missions_wait(
     world: BusyWorld,
 ) -> None:
     await book_unevenly(world)
-    finder = joint(world, prv_1=_SAME, prv_2=_SAME).finder
+    finder = joint(world, prv_1=SAME, prv_2=SAME).finder
 
     assert await finder.fleets() == [(NETWORK_ID, _FIRST, _SECOND)]
     assert await replace(finder, most_together=2).fleets() == [(NETWORK_ID, _FIRST)]
@@ -313,7 +321,7 @@ async def test_an_order_is_not_adopted_if_meanwhile(
     world: BusyWorld, change: Callable[[dict[ProviderId, Tariff]], object]
 ) -> None:
     await book_unevenly(world)
-    registry = RegistryInService(tariffs={"prv_1": _SAME, "prv_2": _SAME})
+    registry = RegistryInService(tariffs={"prv_1": SAME, "prv_2": SAME})
     dispatcher, before = dispatcher_of(world, registry=registry), await waiting_missions(world)
     better = await found_by(dispatcher)
 
@@ -325,7 +333,7 @@ async def test_an_order_is_not_adopted_if_meanwhile(
 
 async def test_of_two_leaders_one_moves_a_mission_to_another_provider(world: BusyWorld) -> None:
     await book_unevenly(world)
-    leaders = [joint(world, prv_1=_SAME, prv_2=_SAME) for _ in range(2)]
+    leaders = [joint(world, prv_1=SAME, prv_2=SAME) for _ in range(2)]
     orders = [await found_by(each) for each in leaders]
 
     outcomes = [await leader.adopt(each) for leader, each in zip(leaders, orders, strict=True)]
@@ -338,7 +346,7 @@ async def test_of_two_leaders_one_moves_a_mission_to_another_provider(world: Bus
 async def test_an_exchange_that_is_killed_anywhere_changes_nothing(world: BusyWorld) -> None:
     """On PostgreSQL, where each statement is a wait."""
     await book_unevenly(world)
-    dispatcher = joint(world, prv_1=_SAME, prv_2=_SAME)
+    dispatcher = joint(world, prv_1=SAME, prv_2=SAME)
 
     await adopt_after_kills(world, dispatcher, await found_by(dispatcher))
 
