@@ -267,3 +267,21 @@ async def test_a_test_delivery_is_never_exchanged(gateway: Gateway) -> None:
     assert not flown_by & {"prv_1", "prv_2"}
     for provider_id in ("prv_1", "prv_2", *flown_by):
         assert await exchanges(gateway, provider_id, gateway.operator) == []
+
+
+async def test_another_customer_neither_allows_an_exchange_nor_sees_one(gateway: Gateway) -> None:
+    delivery_id = await gateway.planned()
+    await exchanged(gateway, delivery_id)
+    path = f"/v1/deliveries/{delivery_id}"
+
+    allowed = await gateway.http.patch(
+        path, json={"qos": {"may_change_provider": True}}, headers=gateway.other
+    )
+    seen = [
+        (await gateway.http.get(f"{path}{each}", headers=gateway.other)).status_code
+        for each in ("", "/events", "/plan", "/track")
+    ]
+
+    assert allowed.status_code == 404
+    assert seen == [404, 404, 404, 404]
+    assert (await gateway.get(delivery_id))["request"]["qos"]["may_change_provider"] is False
