@@ -254,7 +254,7 @@ async def test_a_changed_request_is_booked_anew_with_the_accepted_provider(
 
 
 async def test_a_test_delivery_is_never_exchanged(gateway: Gateway) -> None:
-    """No composition knows it, so no dispatcher finds it, whatever its customer allows."""
+    """No composition knows it, so no dispatcher finds it, although its customer allows it."""
     headers = await sandbox_caller(gateway)
     gateway.peers.seen.clear()
 
