@@ -48,7 +48,7 @@ export const WORDS = {
   },
   exchanges: {
     title: "Exchanges of deliveries",
-    rule: "Other providers may fly deliveries that wait for our drones, and our drones fly theirs. Who flies gets the agreed price.",
+    rule: "Other providers may fly deliveries that wait for our drones, and our drones fly theirs. The provider that flies gets the agreed price.",
     saved: (agrees) => (agrees ? "Deliveries are exchanged from now on, in networks that allow it."
       : "No delivery is exchanged from now on. What has come stays with you."),
     today: (came, left, isMore) => `${isMore ? "At least: " : ""}${came} came and ${left} left today (UTC).`,
