@@ -214,6 +214,21 @@ missions = Table(
     Index("missions_by_provider", "provider_id", "delivery_id"),
 )
 
+#: The missions that came to a provider or left it by exchange: a row for each of the two. The one
+#: that it left sees nothing else of its delivery any more.
+exchanges = Table(
+    "exchanges",
+    metadata,
+    Column("provider_id", Text, primary_key=True),
+    # Of `delivery.replanned`, by which the customer was notified: ids of events sort by their time.
+    Column("event_id", Text, primary_key=True),
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), nullable=False, index=True),
+    Column("mission_id", Text, nullable=False),
+    Column("direction", Text, nullable=False),
+    Column("at_ms", BigInteger, nullable=False),
+    CheckConstraint("direction IN ('CAME', 'LEFT')", name="exchange_direction"),
+)
+
 #: The proofs without which packages are not handed over. No other table has their PINs, signatures
 #: and photos. A PIN leaves when it is of no use, a picture at `due_ms` or earlier.
 proofs = Table(

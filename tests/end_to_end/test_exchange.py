@@ -1,11 +1,15 @@
 """A delivery changes its provider: its customer and both providers agree, and its price stays."""
 
 import json
+import subprocess
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
 
 from tests.end_to_end.corridor_network import corridor
+from tests.end_to_end.local_system import SKYWAY
 
 # Slow enough that the dispatcher looks several times while missions wait for their drone.
 pytestmark = [
@@ -23,17 +27,20 @@ def test_the_provider_that_flies_a_delivery_is_paid_the_price_that_was_agreed(
     first = system.start_fleet(["exchange-s1"], name="First Air", exchanges_deliveries=True)
     second = system.start_fleet(["exchange-s2"], name="Second Air", exchanges_deliveries=True)
     own = f"/v1/providers/{second['provider_id']}"
-    pinned = {"providers": {"pinned": second["provider_id"]}}
-    by_second = _requested(system, network, **pinned)
+    pinned: dict[str, Any] = {"providers": {"pinned": second["provider_id"]}}
     # While the second provider is suspended, the drone of the first one gets all deliveries.
-    system.until_state(by_second, "DISPATCHED", "LOADING", "IN_PROGRESS")
     system.operate("PATCH", own, {"state": "SUSPENDED"})
-    asked = [_requested(system, network, may_change_provider=each != 1) for each in range(4)]
+    pages = dict(
+        _requested(system, network, pin="4711", may_change_provider=each != 1) for each in range(4)
+    )
+    asked = [*pages]
     booked = {
         each: system.until_state(each, "PLANNED", "DISPATCHED", "LOADING", "IN_PROGRESS")
         for each in asked
     }
     system.operate("PATCH", own, {"state": "ACTIVE"})
+    # The dispatcher plans drones that have missions.
+    _requested(system, network, **pinned)
 
     def moved() -> list[str]:
         now = {each: system.delivery(each)["provider_id"] for each in asked}
@@ -41,9 +48,10 @@ def test_the_provider_that_flies_a_delivery_is_paid_the_price_that_was_agreed(
 
     assert {each["provider_id"] for each in booked.values()} == {first["provider_id"]}
     system.eventually(moved, "a delivery has changed its provider")
-    for each in moved():
-        delivery = system.until_state(each, "COMPLETED")
-        _check_moved(system, booked[each], delivery)
+
+    with _recipients(system, pages.values()):
+        for each in moved():
+            _check_moved(system, booked[each], system.until_state(each, "COMPLETED"))
     assert asked[1] not in moved()
     assert system.broken_rules() == []
 
@@ -70,6 +78,20 @@ def _check_moved(system: Any, before: dict[str, Any], after: dict[str, Any]) -> 
     for provider_id, is_shown in ((old, False), (new, True)):
         listed = system.operate("GET", f"/v1/providers/{provider_id}/deliveries")["items"]
         assert (delivery_id in {each["delivery_id"] for each in listed}) == is_shown
+        changes = system.operate("GET", f"/v1/providers/{provider_id}/exchanges")["items"]
+        directions = {each["direction"] for each in changes if each["delivery_id"] == delivery_id}
+        assert directions == {"CAME" if is_shown else "LEFT"}
+
+
+@contextmanager
+def _recipients(system: Any, pages: Iterable[str]) -> Iterator[None]:
+    """People who type the PIN when a drone waits for it."""
+    command = [*SKYWAY, "recipient", *pages, "--every-s", "0.3"]
+    with subprocess.Popen(command, env=system.environment, stdout=subprocess.DEVNULL) as people:
+        try:
+            yield
+        finally:
+            people.terminate()
 
 
 def _joint_network(system: Any, name: str) -> str:
@@ -80,16 +102,14 @@ def _joint_network(system: Any, name: str) -> str:
     return name
 
 
-def _requested(system: Any, network: str, **qos: Any) -> str:
-    """Ask for a delivery with this QoS."""
-    body = {
-        "pickup": {"station_id": f"{network}-s1"},
-        "packages": [
-            {"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": f"{network}-s2"}}
-        ],
-        "qos": qos,
-    }
+def _requested(system: Any, network: str, *, pin: str | None = None, **qos: Any) -> tuple[str, str]:
+    """Ask for a delivery with this QoS and PIN; its id, and its tracking page."""
+    package = {"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": f"{network}-s2"}}
+    if pin is not None:
+        package["dropoff_verification"] = {"method": "PIN", "pin": pin, "wait_s": 900}
+    body = {"pickup": {"station_id": f"{network}-s1"}, "packages": [package], "qos": qos}
     key = system.keys["SKYWAY_CUSTOMER_KEY"]
     answer = system.call("POST", "/v1/deliveries", key=key, body=body)
     assert answer.status_code == 202, answer.text
-    return str(answer.json()["delivery_id"])
+    accepted = answer.json()
+    return str(accepted["delivery_id"]), str(accepted["tracking_url"])

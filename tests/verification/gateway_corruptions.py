@@ -332,6 +332,12 @@ _EVENTS: Final = (
         gateway="UPDATE events SET sequence = 200 WHERE delivery_id = :flying AND sequence = 5",
     ),
     Corruption(
+        "an exchange without an event",
+        "both providers of an exchange see it as its event says",
+        gateway="INSERT INTO exchanges SELECT 'prv_other', event_id, delivery_id, 'msn_1', 'LEFT',"
+        " 0 FROM events WHERE delivery_id = :flying AND sequence = 1",
+    ),
+    Corruption(
         "an event's type changed",
         "an event's columns say what its body says",
         gateway="UPDATE events SET type = 'delivery.delayed'"

@@ -47,6 +47,18 @@ export const WORDS = {
     takeOf: (name) => `Take the offer of ${name}`,
     more: "Way, energy and terms",
   },
+  exchanges: {
+    title: "Exchanges of deliveries",
+    rule: "Other providers may fly deliveries that wait for our drones, and our drones fly theirs. The provider that flies gets the agreed price.",
+    saved: (agrees) => (agrees ? "Deliveries are exchanged from now on, in networks that allow it."
+      : "No delivery is exchanged from now on. What has come stays with you."),
+    today: (came, left, isMore) => `${isMore ? "At least: " : ""}${came} came and ${left} left today (UTC).`,
+    directions: {CAME: "Came", LEFT: "Left"},
+    when: "When",
+    delivery: "Delivery",
+    what: "What happened",
+    why: "Why",
+  },
   contact: {
     title: "Who takes the packages (optional)",
     name: "Name of the recipient",

@@ -75,6 +75,7 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         "GET /v1/deliveries/{delivery_id}/tracking-link",
         f"GET {_PROVIDER}/deliveries",
         f"GET {_PROVIDER}/earnings",
+        f"GET {_PROVIDER}/exchanges",
         "GET /v1/stats/deliveries",
         "GET /v1/stats/promises",
     ),

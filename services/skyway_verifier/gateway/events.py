@@ -7,13 +7,13 @@ not (I14).
 import json
 from typing import Any, Final
 
-from skyway_gateway.delivery_tables import deliveries, missions
+from skyway_gateway.delivery_tables import deliveries, exchanges, missions
 from skyway_gateway.notifications.event_store import hash_after
 from skyway_gateway.notifications.webhook import LONGEST_PAUSE_S, MOST_ATTEMPTS
 from skyway_gateway.tables import events, notifications, pruned, webhook_attempts, webhooks
 from sqlalchemy import String, and_, cast, exists, func, or_, select
 
-from skyway_verifier.finders import any_of, repeats, rows_where
+from skyway_verifier.finders import any_of, ms_of, repeats, rows_where
 from skyway_verifier.gateway.deliveries import event_count
 from skyway_verifier.rule import Rule, Survey
 from skyway_verifier.storage_rules import later_than
@@ -74,6 +74,34 @@ def _differs(row: Any) -> bool:  # a row of events
     return not repeats(row, json.loads(row.body), *names)
 
 
+async def _other_exchanges(survey: Survey) -> list[str]:
+    """The events that do not say the same as the exchanges of both providers."""
+    noted: dict[str, dict[str, Any]] = {}
+    async for row in survey.each(select(exchanges)):
+        noted.setdefault(row.event_id, {})[row.direction] = row
+    found = []
+    async for row in survey.each(select(events).where(events.c.type == "delivery.replanned")):
+        event = json.loads(row.body)
+        is_exchange = event["data"]["code"] == "PROVIDER_CHANGED"
+        if is_exchange and not _is_noted(event, noted.pop(row.event_id, {})):
+            found.append(row.event_id)
+    return [*found, *noted]
+
+
+def _is_noted(event: dict[str, Any], sides: dict[str, Any]) -> bool:
+    """Whether a provider loses the mission of this event, and the one that it names gets it."""
+    came, left = sides.get("CAME"), sides.get("LEFT")
+    if came is None or left is None or left.provider_id == came.provider_id:
+        return False
+    data = {**event["data"], "delivery_id": event["delivery_id"]}
+    at_ms = ms_of(event["occurred_at"])
+    return (
+        repeats(came, data, "provider_id", "delivery_id", "mission_id")
+        and repeats(left, data, "delivery_id", "mission_id")
+        and came.at_ms == left.at_ms == at_ms
+    )
+
+
 async def _other_flown(survey: Survey) -> list[str]:
     """Missions whose flown times are not those of the last event of a package that they ended."""
     flown: dict[str, Any] = {}
@@ -107,6 +135,12 @@ EVENTS: Final = (
         _RESTORE,
     ),
     Rule("a delivery's events are those that were recorded", _changed, _RESTORE),
+    Rule(
+        "both providers of an exchange see it as its event says",
+        _other_exchanges,
+        "Providers read these rows of `exchanges`, and nothing else depends on them. Restore the "
+        "rows of the event from a backup; without its event, delete the row.",
+    ),
     Rule(
         "an event's columns say what its body says",
         rows_where(select(events), _differs, "event_id"),

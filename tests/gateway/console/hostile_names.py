@@ -218,6 +218,10 @@ ANSWERS: Final[dict[str, Any]] = {
     ),
     "/v1/branding": {"name": MARKUP, "colour": "#0b6bcb"},
     "/v1/providers": _page({"provider_id": "prv_1", "name": MARKUP}),
+    _PROVIDER: {"provider_id": "prv_1", "name": MARKUP, "exchanges_deliveries": True},
+    f"{_PROVIDER}/exchanges": _page(
+        {"delivery_id": MARKUP, "at": MOMENT, "direction": "LEFT", "reason": MARKUP}
+    ),
     "/v1/providers/prv_1/schedule": _page(),
     "/v1/providers/prv_1/earnings": {
         "currency": "USD",

@@ -124,3 +124,29 @@ def test_a_drone_in_maintenance_is_put_back_by_undo(watched: StagedPage) -> None
     with page.expect_request(lambda request: request.method == "PATCH") as undone:
         page.get_by_role("button", name="Undo").click()
     assert undone.value.post_data_json == {"state": "AVAILABLE"}
+
+
+def test_a_provider_agrees_to_exchanges_and_sees_what_came_and_left(watched: StagedPage) -> None:
+    at, own = "2026-03-01T10:00:00Z", "/v1/providers/prv_1"
+    rows = [
+        {"delivery_id": f"dlv_{number}", "at": moment, "direction": direction, "reason": "sooner"}
+        for number, (moment, direction) in enumerate(
+            [(at, "LEFT"), (at, "CAME"), (at, "CAME"), ("2026-02-28T10:00:00Z", "LEFT")]
+        )
+    ]
+    watched.answers |= {
+        "/v1/clock": {"now": "2026-03-01T12:00:00Z", "rate": 1.0},
+        "/v1/providers": {"items": [{"provider_id": "prv_1"}], "next_cursor": None},
+        own: {"provider_id": "prv_1", "exchanges_deliveries": False},
+        f"{own}/exchanges": {"items": rows, "next_cursor": None},
+    }
+    page = watched.open("/console#/fleet/exchanges").page
+    expect(page.get_by_text("2 came and 1 left today (UTC).")).to_be_visible()
+    expect(
+        page.get_by_role("table", name="Exchanges of deliveries").get_by_role("row")
+    ).to_have_count(5)
+
+    with page.expect_request(lambda request: request.method == "PATCH") as agreed:
+        page.get_by_role("checkbox", name="Other providers may fly").click()
+    assert agreed.value.post_data_json == {"exchanges_deliveries": True}
+    expect(page.get_by_text("Deliveries are exchanged from now on")).to_be_visible()

@@ -36,6 +36,7 @@ VIEWS = {
     "provider": {
         "home": "Next maintenance",
         "fleet/loading": "Confirm loading",
+        "fleet/exchanges": "What happened",
         "statements": MARKUP,
     },
     "customer": {

@@ -1,4 +1,4 @@
-// A provider's fleet: drones and enrolment, the loading desk, and earnings.
+// A provider's fleet: drones and enrolment, the loading desk, earnings, and exchanges with others.
 
 import {useEffect, useState} from "preact/hooks";
 
@@ -7,6 +7,7 @@ import {html} from "../html.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
 import {Earnings} from "../parts/earnings.js";
+import {Exchanges} from "../parts/exchanges.js";
 import {FleetDrones} from "../parts/fleet_drones.js";
 import {LoadingDesk} from "../parts/loading_desk.js";
 import {attempt} from "../parts/messages.js";
@@ -16,6 +17,7 @@ const TABS = {
   drones: {part: FleetDrones, name: "Drones"},
   loading: {part: LoadingDesk, name: "Loading desk"},
   earnings: {part: Earnings, name: "Earnings"},
+  exchanges: {part: Exchanges, name: "Exchanges"},
 };
 
 // Null while an operator has no provider to choose.

@@ -21,9 +21,7 @@ from skyway_gateway.access.routes import KeyCaller
 from skyway_gateway.clients import DeliveryComposition
 from skyway_gateway.context import Context
 from skyway_gateway.deliveries.lifecycle.customer_forms import ShownDelivery, shown_to
-from skyway_gateway.deliveries.lifecycle.delivery import (
-    Delivery,
-)
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.reading import read_store
 from skyway_gateway.deliveries.reading.read_store import Counted, DeliveryListQuery
 from skyway_gateway.deliveries.reading.statistics import (
@@ -39,6 +37,7 @@ from skyway_gateway.deliveries.reading.views import (
     DeliveryProof,
     Earnings,
     EarningsQuery,
+    Exchange,
     FeatureCollection,
     ProviderDelivery,
     earnings_of,
@@ -46,7 +45,7 @@ from skyway_gateway.deliveries.reading.views import (
     for_provider,
     proof_of,
 )
-from skyway_gateway.deliveries.records import delivery_store
+from skyway_gateway.deliveries.records import delivery_store, exchange_store
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast, host_delay_ms
 from skyway_gateway.lateness.store import kept_promises
 from skyway_gateway.notifications.delivery_events import EventStream
@@ -57,7 +56,7 @@ from skyway_gateway.proofs import store as proof_store
 def reading_routes(
     context: Context, *, composition: DeliveryComposition, stream: EventStream, slots: Slots
 ) -> ServiceRouter:
-    """GET /v1/deliveries and all below it, and /v1/providers/{provider_id}/deliveries."""
+    """GET /v1/deliveries and all below it; a provider's /deliveries and /exchanges."""
     router = ServiceRouter(tags=("deliveries",))
     _add_lists(router, context.db)
     _add_details(router, context.db, composition)
@@ -108,6 +107,25 @@ def _add_lists(router: ServiceRouter, db: Database) -> None:
             query,
             item=lambda delivery: for_provider(delivery, personal.get(delivery.delivery_id)),
             sort_key=lambda delivery: (delivery.delivery_id,),
+        )
+
+    @router.get("/v1/providers/{provider_id}/exchanges")
+    async def list_provider_exchanges(
+        provider_id: ProviderId,
+        caller: KeyCaller,
+        query: Annotated[PageQuery, Query()],
+    ) -> Page[Exchange]:
+        """List the missions that came to a provider or left it by exchange, the newest first.
+
+        Callers: provider, operator.
+        """
+        caller.must_be("provider", "operator")
+        if caller.role == "provider" and caller.subject_id != provider_id:
+            raise NotFound("provider", provider_id)
+        async with db.read() as connection:
+            found = await exchange_store.page_of(connection, provider_id, query)
+        return page_of(
+            found, query, item=Exchange.of_row, sort_key=lambda row: (str(row.event_id),)
         )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from datetime import date
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field
 
@@ -15,6 +15,8 @@ from skyway.delivery.request import Place
 from skyway.geo import Position
 from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, ProviderId, StationId
 from skyway.json_model import JsonModel, QueryModel
+from skyway.runtime.sql.connection import AnyRow
+from skyway.units import ms_to_moment
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Activity,
     Delivery,
@@ -84,6 +86,40 @@ class DeliveryProof(JsonModel):
     delivery_id: Annotated[DeliveryId, Field(description="The id of the delivery.")]
     state: Annotated[DeliveryState, Field(description="How far the delivery is.")]
     packages: Annotated[tuple[PackageProof, ...], Field(description="The proof of each package.")]
+
+
+_WHY: Final = "taken together, the packages of all providers that exchange deliveries come earlier"
+_REASONS: Final = {
+    "CAME": f"it came from another provider, with its price and its terms: {_WHY}",
+    "LEFT": f"another provider flies it, and is paid for it: {_WHY}",
+}
+
+
+class Exchange(JsonModel):
+    """A mission that came to a provider, or left it, while it waited for its drone.
+
+    It does not say which the other provider is.
+    """
+
+    delivery_id: Annotated[DeliveryId, Field(description="The id of the delivery.")]
+    mission_id: Annotated[MissionId, Field(description="The id of the mission.")]
+    direction: Annotated[
+        Literal["CAME", "LEFT"],
+        Field(description="CAME: the provider's drone flies it now; LEFT: it does not any more."),
+    ]
+    at: Annotated[FleetMoment, Field(description="When it changed its provider, fleet time.")]
+    reason: Annotated[str, Field(description="Why, in words.")]
+
+    @classmethod
+    def of_row(cls, row: AnyRow) -> Self:
+        """The exchange of a row of `exchanges`."""
+        return cls(
+            delivery_id=row.delivery_id,
+            mission_id=row.mission_id,
+            direction=row.direction,
+            at=ms_to_moment(row.at_ms),
+            reason=_REASONS[row.direction],
+        )
 
 
 class ProviderPackage(HandOverDetails, PackageStatus):

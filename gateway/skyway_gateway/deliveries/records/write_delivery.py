@@ -21,6 +21,7 @@ from skyway_gateway.deliveries.records.delivery_rows import (
     QueuedDelivery,
     StoredDelivery,
 )
+from skyway_gateway.deliveries.records.exchange_store import add_exchanges
 from skyway_gateway.deliveries.records.new_lines import new_lines
 from skyway_gateway.ledger.store import add_lines
 from skyway_gateway.notifications.delivery_events import EventRecorder, Happening
@@ -106,6 +107,7 @@ class DeliveryWriter:
             after = before.then(delivery, events)
             delivery_store.save(tx, before, after, report=report, give_up_at=give_up_at)
             add_lines(tx, new_lines(before.delivery, delivery, at=self.clock.now()))
+            add_exchanges(tx, before.delivery, events)
             self._record(tx, after, events)
 
     def save_plan(

@@ -19,12 +19,7 @@ from skyway_composition.margins import PROOF_ARRIVES
 from skyway_composition.missions.mission.end import refuse
 from skyway_composition.missions.mission.from_trip import StepTerms, finished_wait, flight_steps
 from skyway_composition.missions.mission.instruct import send_mission
-from skyway_composition.missions.mission.record import (
-    NEXT_MISSION,
-    MissionRecord,
-    Trouble,
-    moved,
-)
+from skyway_composition.missions.mission.record import NEXT_MISSION, MissionRecord, Trouble, moved
 from skyway_composition.missions.mission.standby import (
     shorten_queued,
     shortened_mission,

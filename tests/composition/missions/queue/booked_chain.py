@@ -20,8 +20,10 @@ CHAIN: Final = {
 }
 
 
-def request(delivery_id: str, pickup: str, *to: str, **members: Any) -> DeliveryRequest:
-    """One package of 400 g for each of these destinations."""
+def request(
+    delivery_id: str, pickup: str, *to: str, proof: object = None, **members: Any
+) -> DeliveryRequest:
+    """One package of 400 g for each of these destinations; all need this proof."""
     return DeliveryRequest.model_validate(
         {
             "pickup": {"station_id": pickup},
@@ -30,6 +32,7 @@ def request(delivery_id: str, pickup: str, *to: str, **members: Any) -> Delivery
                     "package_id": f"{delivery_id}_{number}",
                     "mass_kg": 0.4,
                     "destination": {"station_id": each},
+                    "dropoff_verification": proof,
                 }
                 for number, each in enumerate(to, 1)
             ],

@@ -68,15 +68,20 @@ class Recipient:
 
 async def recipient_of(gateway: Gateway, *verifications: dict[str, Any]) -> Recipient:
     """The recipient of a delivery that is on its way."""
+    recipient = await booked_for(gateway, *verifications)
+    for kind in ("ACCEPTED", "LOADING", "LOADED"):
+        await recipient.report(kind)
+    return recipient
+
+
+async def booked_for(gateway: Gateway, *verifications: dict[str, Any]) -> Recipient:
+    """The recipient of a delivery that waits for its drone."""
     answer = await gateway.post(asking(*verifications))
     assert answer.status_code == 202, answer.text
     while await gateway.book_next():
         pass
     path = answer.json()["tracking_url"].removeprefix("http://gateway")
-    recipient = Recipient(gateway, answer.json()["delivery_id"], path)
-    for kind in ("ACCEPTED", "LOADING", "LOADED"):
-        await recipient.report(kind)
-    return recipient
+    return Recipient(gateway, answer.json()["delivery_id"], path)
 
 
 async def proof_of(gateway: Gateway, delivery_id: str) -> dict[str, Any]:

@@ -40,9 +40,11 @@ def kept_photos(folder: Path) -> list[Path]:
     return [*folder.glob("photos/**/*.jpg")]
 
 
-async def picture(gateway: Gateway, recipient: Recipient, who: dict[str, str]) -> int:
+async def picture(
+    gateway: Gateway, recipient: Recipient, who: dict[str, str], *, package_id: str = "p1"
+) -> int:
     """The status of a look at the picture."""
-    path = f"/v1/deliveries/{recipient.delivery_id}/packages/p1/proof/picture"
+    path = f"/v1/deliveries/{recipient.delivery_id}/packages/{package_id}/proof/picture"
     return (await gateway.http.get(path, headers=who)).status_code
 
 

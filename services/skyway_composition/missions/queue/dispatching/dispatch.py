@@ -14,7 +14,6 @@ from skyway.runtime.errors import RowRefused
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.metrics import count, timed
 from skyway.runtime.sql.database import Tx
-from skyway.scheduling.trip import NoTrip
 from skyway_composition.calendar.attempts import Change, commit
 from skyway_composition.context import Context
 from skyway_composition.links.store import held_among, links_to
@@ -22,19 +21,14 @@ from skyway_composition.margins import ANOTHER_ORDER, HAND_OVER, REACHES
 from skyway_composition.missions.queue import store
 from skyway_composition.missions.queue.ask_registry import exchanging_tariffs, out_of_service
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, adopt
-from skyway_composition.missions.queue.dispatching.fleet import (
-    Fleet,
-    Moments,
-    Orders,
-    fleet_of,
-)
+from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments, Orders, fleet_of
 from skyway_composition.missions.queue.dispatching.fleet_problem import fleet_problem
 from skyway_composition.missions.queue.dispatching.merger import (
     MergedOrder,
     may_merge,
     merged_order,
 )
-from skyway_composition.missions.queue.dispatching.plan_orders import plan_orders
+from skyway_composition.missions.queue.dispatching.plan_orders import NoOrder, plan_orders
 from skyway_composition.missions.queue.dispatching.search_process import (
     Search,
     SearchFailed,
@@ -57,7 +51,8 @@ NotBetter = Literal["unsearched", "failed", "kept", "no plan now", "no plan", "p
 #: After these a fleet is not searched again until its calendars change.
 _SAME_AGAIN: Final = ("kept", "no plan", "promise", "no gain")
 
-#: How often an order is searched until no promise is broken. Our own choice.
+#: How often an order is searched until each of its missions has a plan that breaks no promise. Our
+#: own choice.
 _MOST_SEARCHES: Final = 3
 
 
@@ -65,12 +60,12 @@ _MOST_SEARCHES: Final = 3
 Searched = tuple[NetworkId, *tuple[ProviderId, ...]]
 
 
-class BrokenBy(frozenset[DroneId]):
-    """The drones that break promises in an order, or that would cost more than was agreed."""
+@dataclass(frozen=True, slots=True)
+class NoGain:
+    """Why an order is not better, and because of which drones; the others may have a better one."""
 
-
-#: What became of one search.
-Found = BetterOrder | BrokenBy | NotBetter
+    why: NotBetter
+    drone_ids: frozenset[DroneId] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,25 +145,25 @@ class OrderFinder:
 
     async def _better(self, fleet: Fleet, world: World, times: Moments) -> BetterOrder | NotBetter:
         """A better order of this fleet, or why none."""
-        pools = True
+        pools, outcome = True, None
         for _ in range(_MOST_SEARCHES):
             order = await self._searched_order(fleet, world, times, pools=pools)
             if order is None:
                 return "failed"
             found = await self._planned(fleet, order, world, times)
-            if isinstance(found, BetterOrder) or found == "no plan now":
+            if isinstance(found, BetterOrder):
                 return found
+            # What has no plan now may have one later, so the fleet is searched again then.
+            outcome = outcome if outcome == "no plan now" else found.why
             if order.merges:
                 # An order without new shared trips may be better than the present one.
                 pools = False
                 continue
-            if not isinstance(found, BrokenBy):
-                return found
-            # The drones that break promises keep their calendars in the next search.
-            fleet = fleet.only(fleet.calendars.keys() - found)
-            if not _can_improve(fleet):
+            # The drones that break the order keep their calendars in the next search.
+            fleet = fleet.only(fleet.calendars.keys() - found.drone_ids)
+            if not found.drone_ids or not _can_improve(fleet):
                 break
-        return "promise"
+        return outcome or "kept"
 
     async def _fleet(
         self, network_id: NetworkId, provider_ids: Sequence[ProviderId], times: Moments
@@ -228,13 +223,13 @@ class OrderFinder:
 
     async def _planned(
         self, fleet: Fleet, order: MergedOrder, world: World, times: Moments
-    ) -> Found:
+    ) -> BetterOrder | NoGain:
         """The order with exact plans, if it is better."""
         changed = order.changed_from(fleet)
         if not changed:
-            return "kept"
-        if await self._breaks_refusals(fleet, order.orders):
-            return "no plan"
+            return NoGain("kept")
+        if refusing := await self._refusing(fleet, order.orders):
+            return NoGain("no plan", refusing)
         found = await self._judged(fleet.only(changed), order, world, times)
         others = {each.drone_id for each in fleet.waiting} - changed
         if not isinstance(found, BetterOrder) and others:
@@ -244,7 +239,7 @@ class OrderFinder:
 
     async def _judged(
         self, affected: Fleet, order: MergedOrder, world: World, times: Moments
-    ) -> Found:
+    ) -> BetterOrder | NoGain:
         """The order of these drones with exact plans, if it is better."""
         hosts = [each.host for each in order.merges]
         moved = await plan_orders(
@@ -256,31 +251,32 @@ class OrderFinder:
             times=times,
             tolerance_s=self.terms.tolerance_s,
         )
-        if isinstance(moved, NoTrip):
-            log.info("better order has no plan", extra={"code": moved.code, "detail": moved.detail})
-            return "no plan now" if moved.is_temporary else "no plan"
+        if isinstance(moved, NoOrder):
+            reason = moved.reason
+            about = {"code": reason.code, "detail": reason.detail}
+            log.info("better order has no plan", extra=about)
+            return NoGain("no plan now" if reason.is_temporary else "no plan", moved.drone_ids)
         better = BetterOrder(affected, world, times, moved, order.merges)
         judgement = better.judged(tolerance_s=self.terms.tolerance_s)
         if broken := judgement.late | better.refusing:
-            return BrokenBy(broken)
-        return better if judgement.is_better else "no gain"
+            return NoGain("promise", broken)
+        return better if judgement.is_better else NoGain("no gain")
 
-    async def _breaks_refusals(self, fleet: Fleet, orders: Orders) -> bool:
-        """Whether a mission would go to a drone that has refused its delivery."""
+    async def _refusing(self, fleet: Fleet, orders: Orders) -> frozenset[DroneId]:
+        """The drones that would get a mission whose delivery they have refused."""
         again = {
             each.mission_id: each.mission.delivery_id
             for each in fleet.waiting
             if each.mission.attempt > 1
         }
         if not again:
-            return False
+            return frozenset()
         async with self.context.db.read() as connection:
             refusals = await store.refusals_of(connection, {*again.values()})
-        return any(
-            (again[each], drone_id) in refusals
+        return frozenset(
+            drone_id
             for drone_id, order in orders.items()
-            for each in order
-            if each in again
+            if any((again.get(each), drone_id) in refusals for each in order)
         )
 
     def _times(self) -> Moments:

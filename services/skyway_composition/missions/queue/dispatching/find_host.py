@@ -20,7 +20,6 @@ from skyway.ids import DeliveryId, MissionId, ProviderId, StationId
 from skyway.network.great_circle import distances_m
 from skyway.network.network import Network
 from skyway.runtime.tracing import current_traceparent
-from skyway.scheduling.trip import NoTrip
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.context import Context
 from skyway_composition.links.store import held_among, links_to
@@ -32,7 +31,7 @@ from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, Joi
 from skyway_composition.missions.queue.dispatching.dispatch import free_to_take_off
 from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments, fleet_of
 from skyway_composition.missions.queue.dispatching.merger import Guest, carrying
-from skyway_composition.missions.queue.dispatching.plan_orders import plan_orders
+from skyway_composition.missions.queue.dispatching.plan_orders import NoOrder, plan_orders
 from skyway_composition.missions.queue.plan_queue import etas_ms, latest_ms
 from skyway_composition.planning.offer import Offer, Offers
 from skyway_composition.planning.world import World
@@ -190,7 +189,7 @@ class HostFinder:
             times=times,
             tolerance_s=self.tolerance_s,
         )
-        if isinstance(moved, NoTrip):
+        if isinstance(moved, NoOrder):
             return None
         order = BetterOrder(fleet, world, times, moved)
         if order.judged(tolerance_s=self.tolerance_s).late:

@@ -197,9 +197,8 @@ def _calendar_of(
 
 def _standing(link: DroneLink | None, times: Moments) -> Slot | None:
     """Where an idle drone stands ready; None if it is not known to be idle at a station."""
-    state = None if link is None else link.state
-    if link is None or state is None or link.has_unread_events or link.is_occupied:
+    if link is None or link.state is None or link.state.station_id is None:
         return None
-    if state.station_id is None or link.is_gone:
+    if link.has_unread_events or link.is_occupied or link.is_gone:
         return None
-    return Slot(state.station_id, times.settled_ms, state.soc)
+    return Slot(link.state.station_id, times.settled_ms, link.state.soc)

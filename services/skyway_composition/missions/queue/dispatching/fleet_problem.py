@@ -177,11 +177,8 @@ def _reservations(
     network, base_ms = world.skyway.network, times.settled_ms
     gap_ms = round(world.skyway.settings.pad_gap_s * 1000)
     for station_id, pad, start_ms, end_ms, owner in held:
-        row, from_ms, until_ms = (
-            network.row_of.get(station_id),
-            max(start_ms, base_ms),
-            end_ms - gap_ms,
-        )
+        row = network.row_of.get(station_id)
+        from_ms, until_ms = max(start_ms, base_ms), end_ms - gap_ms
         if row is None or owner in moving or pad >= network.columns.pads[row]:
             continue
         if from_ms < until_ms:

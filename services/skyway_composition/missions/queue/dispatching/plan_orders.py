@@ -122,6 +122,16 @@ _TOO_LATE: Final = NoTrip(
     "NO_PLAN_FOUND", "planning lasted until missions of the order could begin", is_temporary=True
 )
 
+_NO_PLACE: Final = NoTrip("BUSY", "a drone has no place for its mission", is_temporary=True)
+
+
+@dataclass(frozen=True, slots=True)
+class NoOrder:
+    """Why an order has no plan, and the drones whose missions have none."""
+
+    reason: NoTrip
+    drone_ids: frozenset[DroneId] = frozenset()
+
 
 @dataclass(slots=True)
 class _Row:
@@ -151,7 +161,7 @@ class OrderPlanner:
 
     async def plan(
         self, fleet: Fleet, orders: Orders, *, instead: Iterable[MissionRecord]
-    ) -> dict[DroneId, tuple[Moved, ...]] | NoTrip:
+    ) -> dict[DroneId, tuple[Moved, ...]] | NoOrder:
         """The missions of these drones with their new plans; why there is none for some mission.
 
         `orders` names waiting missions of the fleet, each at most once.
@@ -166,19 +176,21 @@ class OrderPlanner:
             self._push(ready, drone_id, row)
         while ready:
             if self._is_too_late:
-                return _TOO_LATE
+                return NoOrder(_TOO_LATE)
             _, drone_id = heapq.heappop(ready)
             reason = await self._add_next(rows[drone_id])
             if reason is not None:
-                return reason
+                return NoOrder(reason, frozenset({drone_id}))
             self._push(ready, drone_id, rows[drone_id])
-        if any(row.following for row in rows.values()):
-            return NoTrip("BUSY", "a drone has no place for its next mission", is_temporary=True)
+        if without := frozenset(drone_id for drone_id, row in rows.items() if row.following):
+            return NoOrder(_NO_PLACE, without)
         last = [row for row in rows.values() if row.planned]
         for row in sorted(last, key=lambda each: each.planned[-1].record.served_ms):
-            reason = _TOO_LATE if self._is_too_late else await self._add_standby(row)
+            if self._is_too_late:
+                return NoOrder(_TOO_LATE)
+            reason = await self._add_standby(row)
             if reason is not None:
-                return reason
+                return NoOrder(reason, frozenset({row.calendar.drone_id}))
         return {drone_id: tuple(row.planned) for drone_id, row in rows.items()}
 
     @property
@@ -223,7 +235,7 @@ class OrderPlanner:
     async def _service(self, row: _Row, record: MissionRecord) -> tuple[Plan, Slot] | NoTrip:
         """The plan of the drone's next service, and where, when and with what charge it begins."""
         world, latest_ms = self._world_of(row), deadline_ms(record)
-        reason = NoTrip("BUSY", "its drone has no place for it", is_temporary=True)
+        reason = _NO_PLACE
         # A mission with windows may have to begin sooner than now planned.
         for from_ms in sorted({record.earliest_ms, record.allowed_from_ms}, reverse=True):
             slot = row.slot(self.times, from_ms=from_ms)
@@ -295,7 +307,7 @@ async def plan_orders(
     times: Moments,
     tolerance_s: float,
     instead: Iterable[MissionRecord] = (),
-) -> dict[DroneId, tuple[Moved, ...]] | NoTrip:
+) -> dict[DroneId, tuple[Moved, ...]] | NoOrder:
     """The fleet's missions in this order with their new plans; why some mission has none.
 
     No package comes later than its promise by more than `tolerance_s` if another order of a
@@ -309,6 +321,6 @@ async def plan_orders(
         return await planner.plan(fleet, orders, instead=instead)
     except InvalidProblem as error:
         # A newer version of the network has hand-overs that are longer than a window.
-        return NoTrip("WINDOW_MISSED", str(error), is_temporary=False)
+        return NoOrder(NoTrip("WINDOW_MISSED", str(error), is_temporary=False))
     except ServiceUnavailable as error:
-        return NoTrip("NO_PLAN_FOUND", str(error), is_temporary=True)
+        return NoOrder(NoTrip("NO_PLAN_FOUND", str(error), is_temporary=True))

@@ -10,14 +10,17 @@ from skyway_composition.missions.queue.dispatching.adopt import BetterOrder
 from skyway_composition.missions.queue.dispatching.dispatch import Dispatcher
 from skyway_composition.missions.queue.dispatching.fleet import Fleet
 from skyway_composition.missions.queue.dispatching.merger import share_of
+from skyway_composition.missions.queue.dispatching.search_process import FoundOrder, Search
 from skyway_composition.statistics.store import better_orders_of
 
 from skyway.delivery.offer import Tariff
-from skyway.ids import ProviderId
+from skyway.ids import DroneId, ProviderId
+from skyway.network.network import Network
 from skyway.runtime.sql.database import Tx
 from tests.composition.busy_network import MODEL, NETWORK_ID, PLACES, add_network
 from tests.composition.busy_world import BusyWorld
 from tests.composition.dispatched_world import (
+    OwnSearch,
     RegistryInService,
     adopt_after_kills,
     dispatcher_of,
@@ -29,9 +32,10 @@ from tests.composition.missions.queue.booked_chain import delivered_by, reports_
 pytestmark = pytest.mark.databases("sqlite")
 
 #: With this tariff the drones of a busy world are booked.
-_SAME: Final = Tariff(base=100, per_km=10)
+SAME: Final = Tariff(base=100, per_km=10)
 _FIRST, _SECOND = ProviderId("prv_1"), ProviderId("prv_2")
-_AGREED: Final = {"may_change_provider": True}
+AGREED: Final = {"may_change_provider": True}
+_FIRST_DRONE, _WEAK = DroneId("drn_1"), DroneId("drn_weak")
 
 
 class TwoProviders(BusyWorld):
@@ -60,6 +64,21 @@ class EachAlone(TwoProviders):
     is_joint = False
 
 
+class WithAWeakDrone(TwoProviders):
+    """The second provider also has a drone that lifts nothing that the first one flies."""
+
+    def make_drones(self) -> Iterator[FlownDrone]:
+        yield from super().make_drones()
+        yield FlownDrone(
+            "drn_weak",
+            model=MODEL.model_copy(update={"max_payload_kg": 0.3}),
+            home="a",
+            position=PLACES["a"],
+            clock=self.clock,
+            provider_id="prv_2",
+        )
+
+
 @pytest.fixture(params=[TwoProviders])
 async def world(migrated_url: str, request: Any) -> AsyncIterator[BusyWorld]:
     async with request.param(migrated_url) as world:
@@ -67,13 +86,21 @@ async def world(migrated_url: str, request: Any) -> AsyncIterator[BusyWorld]:
 
 
 async def book_unevenly(
-    world: BusyWorld, qos: Mapping[str, Any] = _AGREED, *, loading: str = "AUTOMATIC"
+    world: BusyWorld,
+    qos: Mapping[str, Any] = AGREED,
+    *,
+    loading: str = "AUTOMATIC",
+    method: str | None = None,
 ) -> None:
-    """Four missions for the drone of the first provider, and one for that of the second."""
+    """Four missions for the drone of the first provider, and one for that of the second.
+
+    The first four need this proof.
+    """
+    proof = None if method is None else {"method": method, "wait_s": 900}
     for number, (pickup, to, drone) in enumerate([*[("a", "b", 0)] * 4, ("b", "c", 1)], 1):
         outcome = await world.book(
             f"dlv{number}",
-            request(f"dlv{number}", pickup, to, qos={**qos} if drone == 0 else {}),
+            request(f"dlv{number}", pickup, to, qos={**qos} if drone == 0 else {}, proof=proof),
             loading="AUTOMATIC" if drone == 0 else loading,
             drones=[world.drones[drone]],
         )
@@ -116,7 +143,7 @@ async def test_a_mission_changes_its_provider_if_all_three_agree(world: BusyWorl
     await book_unevenly(world)
     before = await waiting_missions(world)
 
-    assert await look(world, joint(world, prv_1=_SAME, prv_2=_SAME)) == ["adopted"]
+    assert await look(world, joint(world, prv_1=SAME, prv_2=SAME)) == ["adopted"]
 
     after = await waiting_missions(world)
     moved = [name for name, of in (await providers_of(world)).items() if of == "prv_2"]
@@ -132,10 +159,55 @@ async def test_a_mission_changes_its_provider_if_all_three_agree(world: BusyWorl
     assert {*moved} <= {*delivered_by(world, 2)}
 
 
+class TooMuchForTheWeak(OwnSearch):
+    """Adds a mission of the first drone to those of the weak one, which has no plan for it.
+
+    So does a real search where wind is: it plans in still air.
+    """
+
+    async def find(self, search: Search, network: Network) -> FoundOrder:
+        found = await super().find(search, network)
+        orders = dict(found.orders)
+        if _WEAK in orders:
+            *first, last = orders[_FIRST_DRONE]
+            orders |= {_FIRST_DRONE: tuple(first), _WEAK: (*orders[_WEAK], last)}
+        return replace(found, orders=orders)
+
+
+@pytest.mark.parametrize("world", [WithAWeakDrone], indirect=True)
+async def test_a_drone_without_a_plan_does_not_refuse_the_order_of_all_others(
+    world: BusyWorld,
+) -> None:
+    await book_unevenly(world)
+    weak = world.drones[2:]
+    light = request("dlv6", "a", "b")
+    light = light.model_copy(
+        update={
+            "packages": tuple(one.model_copy(update={"mass_kg": 0.2}) for one in light.packages)
+        }
+    )
+    for name in ("dlv6", "dlv7"):
+        assert await world.book(name, light, loading="AUTOMATIC", drones=weak) == "BOOKED"
+        await world.keep_calendars()
+    dispatcher = dispatcher_of(
+        world,
+        search=TooMuchForTheWeak(),
+        registry=RegistryInService(tariffs={"prv_1": SAME, "prv_2": SAME}),
+    )
+
+    assert await look(world, dispatcher) == ["adopted"]
+
+    after = await waiting_missions(world)
+    of_weak = {str(each.mission.delivery_id) for each in after.values() if each.drone_id == _WEAK}
+    assert of_weak <= {"dlv6", "dlv7"}
+    assert "drn_2" in {each.drone_id for each in after.values()}
+    await world.end()
+
+
 async def test_each_provider_counts_what_was_saved_for_its_own_missions(world: BusyWorld) -> None:
     await book_unevenly(world)
 
-    await look(world, joint(world, prv_1=_SAME, prv_2=_SAME))
+    await look(world, joint(world, prv_1=SAME, prv_2=SAME))
 
     async with world.db.read() as connection:
         found = await better_orders_of(connection, None, since_ms=0)
@@ -146,14 +218,14 @@ async def test_each_provider_counts_what_was_saved_for_its_own_missions(world: B
 @pytest.mark.parametrize(
     ("qos", "tariffs"),
     [
-        ({}, {"prv_1": _SAME, "prv_2": _SAME}),
-        (_AGREED, {"prv_1": _SAME}),
-        (_AGREED, {"prv_2": _SAME}),
-        (_AGREED, {"prv_1": _SAME, "prv_2": Tariff(base=100, per_km=11)}),
-        (_AGREED, {"prv_1": _SAME, "prv_2": _SAME.model_copy(update={"currency": "EUR"})}),
-        (_AGREED | {"providers": {"denied": ["prv_2"]}}, {"prv_1": _SAME, "prv_2": _SAME}),
-        (_AGREED | {"providers": {"pinned": "prv_1"}}, {"prv_1": _SAME, "prv_2": _SAME}),
-        (_AGREED | {"pooling": True}, {"prv_1": _SAME, "prv_2": _SAME}),
+        ({}, {"prv_1": SAME, "prv_2": SAME}),
+        (AGREED, {"prv_1": SAME}),
+        (AGREED, {"prv_2": SAME}),
+        (AGREED, {"prv_1": SAME, "prv_2": Tariff(base=100, per_km=11)}),
+        (AGREED, {"prv_1": SAME, "prv_2": SAME.model_copy(update={"currency": "EUR"})}),
+        (AGREED | {"providers": {"denied": ["prv_2"]}}, {"prv_1": SAME, "prv_2": SAME}),
+        (AGREED | {"providers": {"pinned": "prv_1"}}, {"prv_1": SAME, "prv_2": SAME}),
+        (AGREED | {"pooling": True}, {"prv_1": SAME, "prv_2": SAME}),
     ],
     ids=[
         "the customer does not allow it",
@@ -184,7 +256,7 @@ async def test_a_mission_keeps_its_provider_if_the_other_one_loads_otherwise(
     await book_unevenly(world, loading="CONFIRMED")
     before = await providers_of(world)
 
-    await look(world, joint(world, prv_1=_SAME, prv_2=_SAME))
+    await look(world, joint(world, prv_1=SAME, prv_2=SAME))
 
     assert await providers_of(world) == before
 
@@ -194,7 +266,7 @@ async def test_a_mission_keeps_its_provider_if_the_network_does_not_allow_it(
     world: BusyWorld,
 ) -> None:
     await book_unevenly(world)
-    before, dispatcher = await providers_of(world), joint(world, prv_1=_SAME, prv_2=_SAME)
+    before, dispatcher = await providers_of(world), joint(world, prv_1=SAME, prv_2=SAME)
 
     assert await dispatcher.finder.fleets() == [(NETWORK_ID, _FIRST)]
     await look(world, dispatcher)
@@ -207,7 +279,7 @@ async def test_a_mission_that_flies_for_several_deliveries_keeps_its_provider(
 ) -> None:
     await book_unevenly(world)
     skyway = await world.context.networks.current(NETWORK_ID)
-    fleet = Fleet({}, {_FIRST: _SAME, _SECOND: _SAME})
+    fleet = Fleet({}, {_FIRST: SAME, _SECOND: SAME})
     [of_second] = [each for each in await world.planned() if each.drone_id == "drn_2"]
     record, *_ = (await waiting_missions(world)).values()
     shared = replace(record, shares=(share_of(record),))
@@ -224,7 +296,7 @@ async def test_providers_are_searched_alone_if_together_too_many_missions_wait(
     world: BusyWorld,
 ) -> None:
     await book_unevenly(world)
-    finder = joint(world, prv_1=_SAME, prv_2=_SAME).finder
+    finder = joint(world, prv_1=SAME, prv_2=SAME).finder
 
     assert await finder.fleets() == [(NETWORK_ID, _FIRST, _SECOND)]
     assert await replace(finder, most_together=2).fleets() == [(NETWORK_ID, _FIRST)]
@@ -249,7 +321,7 @@ async def test_an_order_is_not_adopted_if_meanwhile(
     world: BusyWorld, change: Callable[[dict[ProviderId, Tariff]], object]
 ) -> None:
     await book_unevenly(world)
-    registry = RegistryInService(tariffs={"prv_1": _SAME, "prv_2": _SAME})
+    registry = RegistryInService(tariffs={"prv_1": SAME, "prv_2": SAME})
     dispatcher, before = dispatcher_of(world, registry=registry), await waiting_missions(world)
     better = await found_by(dispatcher)
 
@@ -261,7 +333,7 @@ async def test_an_order_is_not_adopted_if_meanwhile(
 
 async def test_of_two_leaders_one_moves_a_mission_to_another_provider(world: BusyWorld) -> None:
     await book_unevenly(world)
-    leaders = [joint(world, prv_1=_SAME, prv_2=_SAME) for _ in range(2)]
+    leaders = [joint(world, prv_1=SAME, prv_2=SAME) for _ in range(2)]
     orders = [await found_by(each) for each in leaders]
 
     outcomes = [await leader.adopt(each) for leader, each in zip(leaders, orders, strict=True)]
@@ -274,7 +346,7 @@ async def test_of_two_leaders_one_moves_a_mission_to_another_provider(world: Bus
 async def test_an_exchange_that_is_killed_anywhere_changes_nothing(world: BusyWorld) -> None:
     """On PostgreSQL, where each statement is a wait."""
     await book_unevenly(world)
-    dispatcher = joint(world, prv_1=_SAME, prv_2=_SAME)
+    dispatcher = joint(world, prv_1=SAME, prv_2=SAME)
 
     await adopt_after_kills(world, dispatcher, await found_by(dispatcher))
 

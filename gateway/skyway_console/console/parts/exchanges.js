@@ -1,0 +1,41 @@
+// Whether a provider exchanges deliveries with others, and which came to it or left it.
+
+import {call, get, part} from "../api.js";
+import {WORDS} from "../desk_words.js";
+import {fleetNow} from "../fleet_clock.js";
+import {html} from "../html.js";
+import {usePolled} from "../polled.js";
+import {momentText, shortId} from "../words.js";
+import {attempt} from "./messages.js";
+
+const TEXTS = WORDS.exchanges;
+const AGAIN_MS = 10_000;
+const MOST_SHOWN = 200;
+
+const isToday = ({at}) => at.slice(0, 10) === new Date(fleetNow()).toISOString().slice(0, 10);
+
+const Row = ({each: {at, delivery_id: id, direction, reason}}) => html`
+  <tr><td class="title">${momentText(at)}</td><td data-label=${TEXTS.delivery} title=${id}>${shortId(id)}</td>
+    <td data-label=${TEXTS.what}>${TEXTS.directions[direction]}</td><td class="wide-cell">${reason}</td></tr>`;
+
+export function Exchanges({providerId}) {
+  const path = `/v1/providers/${part(providerId)}`;
+  const read = () => Promise.all([get(path), get(`${path}/exchanges?limit=${MOST_SHOWN}`)]);
+  const {answer, problem, again} = usePolled(read, AGAIN_MS, path);
+  if (!answer) return html`<p class="refused">${problem}</p>`;
+  const [{exchanges_deliveries: agrees}, {items, next_cursor: more}] = answer;
+  const today = items.filter(isToday);
+  const count = (direction) => today.filter((each) => each.direction === direction).length;
+  const agree = async ({target: {checked}}) => {
+    await attempt(() => call("PATCH", path, {exchanges_deliveries: checked}), TEXTS.saved(checked));
+    again();
+  };
+  return html`
+    <form class="fields" aria-label=${TEXTS.title}><label class="check">
+      <input type="checkbox" checked=${agrees} onChange=${agree} />${TEXTS.rule}</label></form>
+    <p>${TEXTS.today(count("CAME"), count("LEFT"), more && today.length === items.length)}</p>
+    ${items.length > 0 && html`<div class="table"><table class="as-cards" aria-label=${TEXTS.title}>
+      <thead><tr><th>${TEXTS.when}</th><th>${TEXTS.delivery}</th><th>${TEXTS.what}</th><th>${TEXTS.why}</th></tr></thead>
+      <tbody>${items.map((each) => html`<${Row} key=${each.at + each.delivery_id} each=${each} />`)}</tbody>
+    </table></div>`}`;
+}
