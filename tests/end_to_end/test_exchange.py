@@ -16,7 +16,7 @@ pytestmark = [
     pytest.mark.end_to_end,
     pytest.mark.long,
     pytest.mark.storage_pair("embedded"),
-    pytest.mark.fleet_rate(240.0),
+    pytest.mark.fleet_rate(120.0),
 ]
 
 
