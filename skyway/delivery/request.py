@@ -181,6 +181,24 @@ class DeliveryRequest(RequestFor[Place, Package]):
         limits += [each.latest_at for each in self.packages]
         return min((each for each in limits if each is not None), default=None)
 
+    def kept_until(self, package_id: PackageId, promised_at: datetime) -> datetime:
+        """The last moment that keeps the promise of a package: `promised_at` or later.
+
+        It is later by what the customer allows (`may_be_later_s`), or by the length of its slot if
+        that is longer, up to the deadline and the end of the package's window. A slot is a window
+        with a beginning and an end, of the pickup or of the package.
+        """
+        package = next(each for each in self.packages if each.package_id == package_id)
+        later = timedelta(seconds=self.qos.may_be_later_s)
+        for start_at, end_at in (
+            (self.earliest_pickup_at, self.latest_pickup_at),
+            (package.not_before_at, package.latest_at),
+        ):
+            if start_at is not None and end_at is not None:
+                later = max(later, end_at - start_at)
+        limits = [each for each in (self.qos.deadline_at, package.latest_at) if each is not None]
+        return max(promised_at, min([promised_at + later, *limits]))
+
     @property
     def may_share_trip(self) -> bool:
         """Whether the packages may fly together with those of other deliveries."""

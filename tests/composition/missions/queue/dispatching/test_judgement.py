@@ -38,6 +38,7 @@ def make_record(
     members: dict[str, Any] = {
         "mission_id": "msn_1",
         "drone_id": drone,
+        "start_at": _NOON,
         "packages": etas(eta_min),
         "firm_at": firm_at,
         "plan": Plan.model_construct(status=PlanStatus.OPTIMAL, energy_j=energy_kwh * 3.6e6),
