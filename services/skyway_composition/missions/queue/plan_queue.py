@@ -339,22 +339,21 @@ def latest_ms(record: MissionRecord, *, tolerance_s: float) -> dict[PackageId, i
     """The latest delivery of each package that another order may have, if there is one.
 
     While the promise is provisional, only a deadline is a limit. Then it is the promise with the
-    tolerance, or the present plan if that is later. A slot, or what a customer allows, makes it
-    later, but not for the others on a shared mission. The margin of the forecast stays within.
+    tolerance, or the present plan if that is later. On a mission that is not shared, a slot or what
+    the customer allows makes it later, but leaves the time that the wind may need.
     """
-    promised, planned, by_ms = record.promises, etas_ms(record), deadline_ms(record)
-    if record.mission.firm_at is not None:
+    promised, planned = record.promises, etas_ms(record)
+    mission, by_ms = record.mission, deadline_ms(record)
+    if mission.firm_at is not None:
         return {} if by_ms is None else {each: max(by_ms, at_ms) for each, at_ms in planned.items()}
 
     def latest(package_id: PackageId, planned_ms: int) -> int:
-        promised_at = promised[package_id].eta_at
-        by = [moment_to_ms(promised_at) + round(tolerance_s * 1000), planned_ms]
+        at = promised[package_id].eta_at
+        by = [moment_to_ms(at) + round(tolerance_s * 1000), planned_ms]
         if not record.shares:
-            planned_s = (promised_at - record.mission.start_at).total_seconds()
-            share = record.mission.margins.late_share or 0.0
-            margin = timedelta(seconds=later_by_s(planned_s, share))
-            kept_at = record.request.kept_until(package_id, promised_at + margin)
-            by.append(moment_to_ms(kept_at - margin))
+            planned_s = (at - mission.start_at).total_seconds()
+            wind = timedelta(seconds=later_by_s(planned_s, mission.margins.late_share or 0.0))
+            by.append(moment_to_ms(record.request.kept_until(package_id, at + wind) - wind))
         return max(by)
 
     return {each: latest(each, at_ms) for each, at_ms in planned.items()}

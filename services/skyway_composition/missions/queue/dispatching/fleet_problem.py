@@ -123,7 +123,6 @@ def _request(
         return None if moment is None else (moment_to_ms(moment) - base_ms) / 1000 + later_s
 
     asked, latest = record.request, latest_ms(record, tolerance_s=tolerance_s)
-    deadline_at = asked.qos.deadline_at
     return FleetRequest(
         request_id=record.mission_id,
         source=asked.pickup.station_id,
@@ -140,7 +139,7 @@ def _request(
         known_s=-age_s,
         pickup_not_before_s=seconds(asked.earliest_pickup_at),
         pickup_latest_s=seconds(asked.latest_pickup_at),
-        deadline_s=seconds(deadline_at),
+        deadline_s=seconds(asked.qos.deadline_at),
         # The end of the tolerance, so that the search needs no tolerance of its own.
         promised_s=(max(latest.values()) - base_ms) / 1000 + later_s if latest else None,
         pooling=pooling,
@@ -177,11 +176,8 @@ def _reservations(
     network, base_ms = world.skyway.network, times.settled_ms
     gap_ms = round(world.skyway.settings.pad_gap_s * 1000)
     for station_id, pad, start_ms, end_ms, owner in held:
-        row, from_ms, until_ms = (
-            network.row_of.get(station_id),
-            max(start_ms, base_ms),
-            end_ms - gap_ms,
-        )
+        row = network.row_of.get(station_id)
+        from_ms, until_ms = max(start_ms, base_ms), end_ms - gap_ms
         if row is None or owner in moving or pad >= network.columns.pads[row]:
             continue
         if from_ms < until_ms:
