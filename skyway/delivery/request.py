@@ -184,9 +184,9 @@ class DeliveryRequest(RequestFor[Place, Package]):
     def kept_until(self, package_id: PackageId, promised_at: datetime) -> datetime:
         """The last moment that keeps the promise of a package: `promised_at` or later.
 
-        It is later by what the customer allows (`may_be_later_s`), or by the length of its slot if
-        that is longer, up to the deadline and the end of the package's window. A slot is a window
-        with a beginning and an end, of the pickup or of the package.
+        It is later by what the customer allows (`may_be_later_s`), or by the length of a window of
+        the pickup or the package if that is longer, up to the deadline and the end of the package's
+        window. A window has a length if it has both ends.
         """
         package = next(each for each in self.packages if each.package_id == package_id)
         later = timedelta(seconds=self.qos.may_be_later_s)

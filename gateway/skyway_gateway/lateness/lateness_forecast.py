@@ -202,7 +202,7 @@ def due_of(
 ) -> datetime:
     """The promise from which lateness counts: the P90 if asked and known, else the ETA.
 
-    It is later by the package's slot, or by what its customer allows.
+    It is later by a window's length, or by what the customer allows.
     """
     promised_at = p90_at if p90_at is not None and request.qos.promise == "P90" else eta_at
     return request.kept_until(package_id, promised_at)

@@ -243,7 +243,7 @@ _DUE_LATER: Final = (
 
 
 def _is_due_otherwise(row: Any) -> bool:  # a row of _DUE_LATER
-    """Whether it is not due when promised, plus its slot or what its customer allows."""
+    """Whether it is not due when promised, plus the length of a window or what its customer allows."""
     if row.promised_ms is None:
         return True
     p90_at = None if row.promised_p90_ms is None else ms_to_moment(row.promised_p90_ms)
@@ -395,7 +395,7 @@ PACKAGES: Final = (
         "a package is due at the moment that was promised",
         rows_where(_DUE_LATER, _is_due_otherwise, *_NAMES),
         "Set `due_ms` to `promised_p90_ms`, or `promised_ms` without it or with `promise` P50, and "
-        "add the length of its slot or what the request allows (`may_be_later_s`), up to its "
+        "add the length of its window or what the request allows (`may_be_later_s`), up to its "
         "deadline and the end of the package's window.",
     ),
 )

@@ -130,7 +130,7 @@ def test_a_request_that_waits_for_others_begins_later(
 
 
 @pytest.mark.parametrize(
-    ("slots", "promised_min", "kept_min"),
+    ("windows", "promised_min", "kept_min"),
     [
         ({}, 70, 70),
         ({"pickup": (None, 30)}, 70, 70),
@@ -148,13 +148,13 @@ def test_a_request_that_waits_for_others_begins_later(
         ({"package": (60, 90), "pickup": (0, 120)}, 70, 90),
     ],
 )
-def test_a_promise_is_kept_until_the_end_of_the_slot(
-    slots: dict[str, Any], promised_min: float, kept_min: float
+def test_a_promise_is_kept_until_the_end_of_the_window(
+    windows: dict[str, Any], promised_min: float, kept_min: float
 ) -> None:
     def at(minutes: float | None) -> datetime | None:
         return None if minutes is None else ASKED_AT + timedelta(minutes=minutes)
 
-    pickup, package = (slots.get(name, (None, None)) for name in ("pickup", "package"))
+    pickup, package = (windows.get(name, (None, None)) for name in ("pickup", "package"))
     window = {"not_before_at": at(package[0]), "latest_at": at(package[1])}
     request = DeliveryRequest.model_validate(
         make_request(
@@ -162,8 +162,8 @@ def test_a_promise_is_kept_until_the_end_of_the_slot(
             latest_pickup_at=at(pickup[1]),
             packages=[{**make_package(), **window}, make_package("p2")],
             qos={
-                "deadline_at": at(slots.get("deadline")),
-                "may_be_later_s": slots.get("may_be_later_s", 0),
+                "deadline_at": at(windows.get("deadline")),
+                "may_be_later_s": windows.get("may_be_later_s", 0),
             },
         )
     )

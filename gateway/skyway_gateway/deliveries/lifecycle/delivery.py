@@ -154,7 +154,7 @@ class PackageStatus(JsonModel):
         Field(
             description="The promise from which lateness counts: `promised_p90_at`, or "
             "`promised_at` if the request's `qos.promise` is P50 or no P90 was known, and later "
-            "by the package's slot or by `qos.may_be_later_s`."
+            "by the length of a window or by `qos.may_be_later_s`."
         ),
     ] = None
     eta_at: Annotated[

@@ -339,8 +339,8 @@ def latest_ms(record: MissionRecord, *, tolerance_s: float) -> dict[PackageId, i
     """The latest delivery of each package that another order may have, if there is one.
 
     While the promise is provisional, only a deadline is a limit. Then it is the promise with the
-    tolerance, or the present plan if that is later. On a mission that is not shared, a slot or what
-    the customer allows makes it later, but leaves the time that the wind may need.
+    tolerance, or the present plan if that is later. On a mission that is not shared, a window or
+    what the customer allows makes it later, but leaves the time that the wind may need.
     """
     promised, planned = record.promises, etas_ms(record)
     mission, by_ms = record.mission, deadline_ms(record)

@@ -27,7 +27,7 @@ def make_record(
     drone: str = "drn_1",
     energy_kwh: float = 0.0,
     firm_at: datetime | None = None,
-    slot_min: tuple[float, float] | None = None,
+    window_min: tuple[float, float] | None = None,
     late_share: float | None = None,
     **qos: Any,
 ) -> MissionRecord:
@@ -51,7 +51,7 @@ def make_record(
     window = dict(
         zip(
             ("not_before_at", "latest_at"),
-            (_NOON + timedelta(minutes=each) for each in slot_min or ()),
+            (_NOON + timedelta(minutes=each) for each in window_min or ()),
             strict=False,
         )
     )
@@ -150,11 +150,11 @@ def test_a_customer_may_allow_more_than_the_tolerance_but_not_after_the_deadline
     ("late_share", "new_min", "is_late"),
     [(None, 90, False), (None, 90.1, True), (0.1, 84, False), (0.1, 84.1, True)],
 )
-def test_a_delivery_may_come_within_its_slot_less_what_the_wind_may_need(
+def test_a_delivery_may_come_within_its_window_less_what_the_wind_may_need(
     late_share: float | None, new_min: float, is_late: bool
 ) -> None:
     before, after = (
-        make_record(eta_min=each, promised_min=60, slot_min=(60, 90), late_share=late_share)
+        make_record(eta_min=each, promised_min=60, window_min=(60, 90), late_share=late_share)
         for each in (60, new_min)
     )
 

@@ -1,4 +1,4 @@
-"""A delivery with a slot is due at the end of its slot, wherever its promise is read."""
+"""A delivery with a window is promised whole, wherever its promise is read."""
 
 from datetime import datetime, timedelta
 from typing import Any
@@ -11,20 +11,20 @@ from tests.gateway.whole_gateway import Gateway, make_request
 
 pytestmark = pytest.mark.databases("sqlite")
 
-_SLOT = timedelta(minutes=30)
+_LENGTH = timedelta(minutes=30)
 
 
-def _slot(gateway: Gateway) -> dict[str, Any]:
-    """A slot for the pickup."""
+def _window(gateway: Gateway) -> dict[str, Any]:
+    """A window for the pickup."""
     begins_at = gateway.clock.now() + timedelta(hours=2)
     return {
         "earliest_pickup_at": begins_at.isoformat(),
-        "latest_pickup_at": (begins_at + _SLOT).isoformat(),
+        "latest_pickup_at": (begins_at + _LENGTH).isoformat(),
     }
 
 
 async def _booked(gateway: Gateway) -> str:
-    delivery_id = await gateway.accepted(**_slot(gateway))
+    delivery_id = await gateway.accepted(**_window(gateway))
     while await gateway.book_next():
         pass
     return delivery_id
@@ -36,8 +36,8 @@ def _width(package: dict[str, Any]) -> timedelta:
     return due_at - eta_at
 
 
-async def test_a_slot_is_promised_in_offers_deliveries_and_events(gateway: Gateway) -> None:
-    body = make_request(**_slot(gateway))
+async def test_a_window_is_promised_in_offers_deliveries_and_events(gateway: Gateway) -> None:
+    body = make_request(**_window(gateway))
     quote = await gateway.http.post("/v1/quotes", json=body, headers=gateway.customer)
     delivery_id = await _booked(gateway)
 
@@ -47,12 +47,12 @@ async def test_a_slot_is_promised_in_offers_deliveries_and_events(gateway: Gatew
         each for each in await gateway.events(delivery_id) if each["type"] == "delivery.planned"
     ]
     [notified] = planned["data"]["packages"]
-    assert [_width(each) for each in (offered, promised, notified)] == [_SLOT] * 3
+    assert [_width(each) for each in (offered, promised, notified)] == [_LENGTH] * 3
     assert await gateway.verified() == []
 
 
 @pytest.mark.parametrize("moved_ms", [-1_000, 1_000])
-async def test_verify_finds_a_slot_that_is_due_at_another_moment(
+async def test_verify_finds_a_window_that_is_due_at_another_moment(
     gateway: Gateway, moved_ms: int
 ) -> None:
     gateway.is_damaged = True
