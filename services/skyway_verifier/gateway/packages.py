@@ -243,7 +243,7 @@ _DUE_LATER: Final = (
 
 
 def _is_due_otherwise(row: Any) -> bool:  # a row of _DUE_LATER
-    """Whether it is not due when promised, plus the length of a window or what its customer allows."""
+    """Whether it is not due when promised, plus what its window or its customer allows."""
     if row.promised_ms is None:
         return True
     p90_at = None if row.promised_p90_ms is None else ms_to_moment(row.promised_p90_ms)

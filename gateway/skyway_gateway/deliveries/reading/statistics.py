@@ -96,8 +96,8 @@ class DeliveryNumbers(JsonModel):
     """Numbers of a set of deliveries.
 
     A package is on time when it is handed over at most a minute after its `due_at`, which is the
-    promised P90, or the promised P50 if the customer asked for that, and later by a window's length or by
-    what the customer allows (`may_be_later_s`). Times of completed deliveries count from the
+    promised P90, or the promised P50 if the customer asked for that, and later by a window's length
+    or by what the customer allows (`may_be_later_s`). Times of completed deliveries count from the
     planned start to the last hand-over. Shares are parts of that time over all missions; the
     remaining part is loading, handing over and starting late.
     """
