@@ -146,7 +146,7 @@ PARTS: Mapping[str, Callable[[argparse.Namespace], Iterator[Table]]] = MappingPr
             _chosen(sizes), seeds=_seeds(sizes), figure=sizes.figure
         ),
         "providers": lambda sizes: providers(seeds=sizes.seeds),
-        "windows": lambda sizes: windows(_chosen(sizes), seeds=_seeds(sizes)),
+        "windows": lambda sizes: windows(seeds=_seeds(sizes)),
         "batches": lambda sizes: batches(_chosen(sizes), seeds=_seeds(sizes)),
         "small": lambda sizes: small(sizes.fleets, budget_s=sizes.minute_s),
     }

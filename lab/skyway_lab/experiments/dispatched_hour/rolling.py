@@ -196,7 +196,8 @@ class RollingHour:
             start_ms = now_ms + trip.slot.at_ms
             if waits_for_more(problem, trip.pool, most_wait_s=most_wait_s):
                 waiting.setdefault(number, trip)
-            if number in waiting or self._begins_early(problem, number, trip):
+            may_wait = start_ms < until_ms and self._begins_early(problem, number, trip)
+            if number in waiting or may_wait:
                 start_ms = max(start_ms, until_ms)
             for each, moment_ms in zip(trip.pool, trip.delivered_ms, strict=True):
                 firm_ms = requests[each].asked_ms + 1000 * self.policy.firm_within_s
