@@ -395,7 +395,6 @@ PACKAGES: Final = (
         "a package is due at the moment that was promised",
         rows_where(_DUE_LATER, _is_due_otherwise, *_NAMES),
         "Set `due_ms` to `promised_p90_ms`, or `promised_ms` without it or with `promise` P50, and "
-        "add the length of its window or what the request allows (`may_be_later_s`), up to its "
-        "deadline and the end of the package's window.",
+        "add what the request allows (a window or `may_be_later_s`), up to deadline and window.",
     ),
 )
