@@ -170,3 +170,26 @@ def test_a_promise_is_kept_until_the_end_of_the_window(
     promised_at = ASKED_AT + timedelta(minutes=promised_min)
 
     assert request.kept_until(PackageId("p1"), promised_at) == at(kept_min)
+
+
+@pytest.mark.parametrize(
+    ("changes", "qos", "weight"),
+    [
+        ({}, {}, 1.0),
+        ({}, {"priority": "PRIORITY"}, 2.0),
+        ({"latest_pickup_at": ASKED_AT}, {}, 1.0),
+        ({"earliest_pickup_at": ASKED_AT}, {}, 1.0),
+        ({}, {"may_be_later_s": 600}, 1.0),
+        (
+            {"earliest_pickup_at": ASKED_AT, "latest_pickup_at": ASKED_AT + timedelta(hours=1)},
+            {"priority": "PRIORITY"},
+            0.2,
+        ),
+    ],
+)
+def test_a_second_of_a_delivery_counts_little_if_its_window_is_promised(
+    changes: dict[str, Any], qos: dict[str, Any], weight: float
+) -> None:
+    request = DeliveryRequest.model_validate(make_request(qos=qos, **changes))
+
+    assert request.weight == pytest.approx(weight)

@@ -52,7 +52,8 @@ class DispatchPolicy:
         with which its trip begins. A request that is so old before its first plan is promised the
         first plan.
     window_s
-        A delivery that has a begin is promised until so long after it, if that is later.
+        A delivery that has a begin is promised until so long after it, if that is later. Then its
+        seconds count `WINDOW_WEIGHT`. 0: only the moment of its plan is promised.
     batch_s
         Requests are planned together at multiples of so many seconds, and all again each minute.
     """

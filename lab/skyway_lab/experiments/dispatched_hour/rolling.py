@@ -14,6 +14,7 @@ from itertools import pairwise
 from statistics import mean
 from typing import Final
 
+from skyway.delivery.request import WINDOW_WEIGHT
 from skyway.dispatch.pads import HeldPad
 from skyway.dispatch.planned_trip import PlannedTrip
 from skyway.dispatch.pools import waits_for_more
@@ -105,10 +106,15 @@ class RollingHour:
         width_s = least_s + self.policy.wider_by * max(
             0.0, promised_s - asked.asked_ms / 1000 - FAR_S
         )
-        begin_s = asked.packages[0].not_before_s
-        if begin_s is None:
-            return width_s
-        return max(width_s, begin_s + self.policy.window_s - promised_s)
+        end_s = self._window_end_s(number)
+        return width_s if end_s is None else max(width_s, end_s - promised_s)
+
+    def _window_end_s(self, number: int) -> float | None:
+        """Until when a delivery with a window is promised; None without such a promise."""
+        begin_s = self.case.hour.requests[number].packages[0].not_before_s
+        if begin_s is None or self.policy.window_s == 0:
+            return None
+        return begin_s + self.policy.window_s
 
     @property
     def mean_min(self) -> float:
@@ -137,6 +143,9 @@ class RollingHour:
                 update={
                     "planned": self._planned_trip(int(each.request_id), now_ms),
                     "promised_s": self._promised_s(int(each.request_id), now_ms),
+                    "weight": 1.0
+                    if self._window_end_s(int(each.request_id)) is None
+                    else WINDOW_WEIGHT,
                 }
             )
             for each in problem.requests
@@ -163,7 +172,8 @@ class RollingHour:
         """The latest delivery that keeps the promise; None without promises."""
         width_s = self.width_s(number)
         if width_s is None:
-            return None
+            end_s = self._window_end_s(number)
+            return None if end_s is None else end_s - now_ms / 1000
         return (self.promised_ms[number] - now_ms) / 1000 + width_s
 
     def _planned_trip(self, number: int, now_ms: int) -> CurrentTrip | None:

@@ -20,7 +20,6 @@ from skyway_composition.missions.queue.dispatching.merger import MOST_SHARES
 from skyway_composition.missions.queue.dispatching.plan_orders import (
     ENERGY_S_PER_KWH,
     MOVE_S,
-    weight_of,
 )
 from skyway_composition.missions.queue.plan_queue import latest_ms
 from skyway_composition.pads.store import PadHeldBy
@@ -144,7 +143,7 @@ def _request(
         promised_s=(max(latest.values()) - base_ms) / 1000 + later_s if latest else None,
         pooling=pooling,
         provider_ids=provider_ids,
-        weight=weight_of(record),
+        weight=asked.weight,
         planned=CurrentTrip(
             drone_id=record.drone_id, start_s=(record.start.at_ms - base_ms) / 1000
         ),
