@@ -2,7 +2,7 @@
 
 from collections import Counter
 from datetime import datetime, timedelta
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated, Final, Generic, TypeVar
 
 from pydantic import Field, field_validator
 
@@ -21,6 +21,14 @@ MAX_TRIP_DESTINATIONS = 12
 
 #: No package is heavier than the heaviest thing a drone model may lift; a typing mistake is.
 MAX_PACKAGE_MASS_KG = 1_000.0
+
+#: How much a second of a PRIORITY delivery counts, if one of a STANDARD delivery counts 1. Our own
+#: choice.
+_PRIORITY_WEIGHT: Final = 2.0
+
+#: The same of a delivery that may come at any moment of its windows, so that others come earlier.
+#: Our own choice.
+WINDOW_WEIGHT: Final = 0.1
 
 
 class Place(JsonModel):
@@ -180,6 +188,33 @@ class DeliveryRequest(RequestFor[Place, Package]):
         limits = [self.qos.deadline_at, self.latest_pickup_at]
         limits += [each.latest_at for each in self.packages]
         return min((each for each in limits if each is not None), default=None)
+
+    def kept_until(self, package_id: PackageId, promised_at: datetime) -> datetime:
+        """The last moment that keeps the promise of a package: `promised_at` or later.
+
+        It is later by what the customer allows (`may_be_later_s`), or by the length of a window of
+        the pickup or the package if that is longer, up to the deadline and the end of the package's
+        window. A window has a length if it has both ends.
+        """
+        package = next(each for each in self.packages if each.package_id == package_id)
+        later = max(timedelta(seconds=self.qos.may_be_later_s), self._window_of(package))
+        limits = [each for each in (self.qos.deadline_at, package.latest_at) if each is not None]
+        return max(promised_at, min([promised_at + later, *limits]))
+
+    def _window_of(self, package: Package) -> timedelta:
+        """The length of the longer window with both ends, of the pickup or the package; or zero."""
+        windows = (
+            (self.earliest_pickup_at, self.latest_pickup_at),
+            (package.not_before_at, package.latest_at),
+        )
+        lengths = (end - start for start, end in windows if start is not None and end is not None)
+        return max(lengths, default=timedelta())
+
+    @property
+    def weight(self) -> float:
+        """How much a second until the last delivery counts when a fleet is planned."""
+        weight = _PRIORITY_WEIGHT if self.qos.priority == "PRIORITY" else 1.0
+        return weight * (WINDOW_WEIGHT if all(map(self._window_of, self.packages)) else 1.0)
 
     @property
     def may_share_trip(self) -> bool:

@@ -32,6 +32,7 @@ from skyway.contracts.drones import (
     OutOfServiceAnswer,
     OutOfServiceQuery,
 )
+from skyway.contracts.mission import PackageEta
 from skyway.contracts.weather import ForecastDocument
 from skyway.delivery.offer import Price, Tariff
 from skyway.ids import DeliveryId, MissionId, PackageId, ProviderId
@@ -197,12 +198,17 @@ def _promised(records: Iterable[MissionRecord]) -> dict[tuple[DeliveryId, Packag
 
 def _allowed(records: Iterable[MissionRecord]) -> dict[tuple[DeliveryId, PackageId], float]:
     """How much later its customer lets each package come, seconds; a shared mission may not."""
+
+    def later_s(record: MissionRecord, eta: PackageEta) -> float:
+        if record.shares:
+            return 0.0
+        kept_at = record.request.kept_until(eta.package_id, eta.eta_at)
+        return (kept_at - eta.eta_at).total_seconds()
+
     return {
-        owner_of(record, each.package_id): (
-            0.0 if record.shares else record.request.qos.may_be_later_s
-        )
+        owner_of(record, each.package_id): later_s(record, each)
         for record in records
-        for each in record.mission.packages
+        for each in record.promises.values()
     }
 
 

@@ -17,8 +17,8 @@ from skyway.delivery.lateness import (
     late_share,
     later_by_s,
 )
-from skyway.delivery.qos import QoS
-from skyway.ids import NetworkId, ProviderId
+from skyway.delivery.request import DeliveryRequest
+from skyway.ids import NetworkId, PackageId, ProviderId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Database
@@ -197,11 +197,12 @@ def p90_of(eta_at: datetime, *, start_at: datetime, share: float | None) -> date
     return eta_at + timedelta(seconds=later_by_s(planned_s, share))
 
 
-def due_of(eta_at: datetime, p90_at: datetime | None, qos: QoS) -> datetime:
+def due_of(
+    package_id: PackageId, eta_at: datetime, p90_at: datetime | None, request: DeliveryRequest
+) -> datetime:
     """The promise from which lateness counts: the P90 if asked and known, else the ETA.
 
-    The seconds that the customer allows (`may_be_later_s`) are added, up to the deadline.
+    It is later by a window's length, or by what the customer allows.
     """
-    promised_at = p90_at if p90_at is not None and qos.promise == "P90" else eta_at
-    due_at = promised_at + timedelta(seconds=qos.may_be_later_s)
-    return due_at if qos.deadline_at is None else max(promised_at, min(due_at, qos.deadline_at))
+    promised_at = p90_at if p90_at is not None and request.qos.promise == "P90" else eta_at
+    return request.kept_until(package_id, promised_at)

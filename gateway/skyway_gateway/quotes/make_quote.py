@@ -264,7 +264,7 @@ class QuoteMaker:
         packages = []
         for each in terms.packages:
             p90_at = p90_of(each.eta_at, start_at=start_at, share=share)
-            due_at = due_of(each.eta_at, p90_at, request.qos)
+            due_at = due_of(each.package_id, each.eta_at, p90_at, request)
             packages.append(
                 OfferedPackage(
                     **dict(each),

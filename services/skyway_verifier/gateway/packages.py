@@ -243,12 +243,12 @@ _DUE_LATER: Final = (
 
 
 def _is_due_otherwise(row: Any) -> bool:  # a row of _DUE_LATER
-    """Whether it is not due when promised, plus what its customer allows."""
-    qos = DeliveryRequest.read(row.request).qos
-    if row.promised_ms is None or qos.may_be_later_s == 0:
+    """Whether it is not due when promised, plus what its window or its customer allows."""
+    if row.promised_ms is None:
         return True
     p90_at = None if row.promised_p90_ms is None else ms_to_moment(row.promised_p90_ms)
-    due_at = due_of(ms_to_moment(row.promised_ms), p90_at, qos)
+    request, eta_at = DeliveryRequest.read(row.request), ms_to_moment(row.promised_ms)
+    due_at = due_of(row.package_id, eta_at, p90_at, request)
     # The parts of a millisecond that are not stored may add up to another one.
     return bool(abs(row.due_ms - moment_to_ms(due_at)) > 1)
 
@@ -395,6 +395,6 @@ PACKAGES: Final = (
         "a package is due at the moment that was promised",
         rows_where(_DUE_LATER, _is_due_otherwise, *_NAMES),
         "Set `due_ms` to `promised_p90_ms`, or `promised_ms` without it or with `promise` P50, and "
-        "add what the request allows (`may_be_later_s`), up to its deadline.",
+        "add what the request allows (a window or `may_be_later_s`), up to deadline and window.",
     ),
 )

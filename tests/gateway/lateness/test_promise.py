@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 from skyway_gateway.lateness.lateness_forecast import due_of, host_delay
 
-from skyway.delivery.qos import QoS
+from skyway.delivery.request import DeliveryRequest
+from skyway.ids import PackageId
 from skyway.runtime.clock import ManualClock
 
 
@@ -31,7 +32,14 @@ def test_lateness_counts_from_the_promise_and_from_what_the_customer_allows(
     if "deadline_min" in qos:
         asked["deadline_at"] = at(qos["deadline_min"])
 
-    assert due_of(at(5), at(8), QoS.model_validate(asked)) == at(due_min)
+    request = DeliveryRequest.model_validate(
+        {
+            "pickup": {"station_id": "a"},
+            "packages": [{"package_id": "p1", "mass_kg": 1, "destination": {"station_id": "b"}}],
+            "qos": asked,
+        }
+    )
+    assert due_of(PackageId("p1"), at(5), at(8), request) == at(due_min)
 
 
 @pytest.mark.parametrize(("rate", "delay_s"), [(0.5, 0), (1, 0), (2, 5), (61, 300)])

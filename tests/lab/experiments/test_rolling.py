@@ -8,6 +8,9 @@ from skyway_lab.experiments.dispatched_hour.policies import searched_in_rounds, 
 from skyway_lab.experiments.dispatched_hour.rolling import RollingHour
 from skyway_lab.experiments.fleet_hour.cases import Load
 
+from skyway.dispatch.problem import FleetProblem
+from skyway.dispatch.schedule import Schedule
+
 
 @pytest.mark.parametrize("tolerance_s", [0.0, 600.0])
 def test_no_delivery_is_later_than_its_promise_allows(tolerance_s: float) -> None:
@@ -33,6 +36,38 @@ def test_a_far_delivery_has_a_wider_promise_than_a_near_one() -> None:
     hour.promised_ms |= {0: asked_ms[0] + 5_100_000, 1: asked_ms[1] + 5_300_000}
 
     assert (before_s, hour.width_s(0), hour.width_s(1)) == (None, 60.0, 160.0)
+
+
+def test_a_delivery_with_a_window_comes_in_it_and_is_promised_until_its_end() -> None:
+    search, *_ = searches(searched_in_rounds(2, most_steps=2_000))
+    policy = replace(search, promise_tolerance_s=60.0, window_s=1_800.0)
+    case = fleet_case("city", Load(2, 3), seed=1)
+    first, *others = case.hour.requests
+    packages = tuple(each.model_copy(update={"not_before_s": 9_000.0}) for each in first.packages)
+    requests = (replace(first, packages=packages), *others)
+    hour = RollingHour(replace(case, hour=replace(case.hour, requests=requests)), policy, 1)
+
+    hour.run()
+
+    promised_s, width_s = hour.promised_ms[0] / 1000, hour.width_s(0)
+    assert width_s is not None
+    assert promised_s + width_s == pytest.approx(10_800.0)
+    assert 9_000.0 <= hour.delivered_ms[0] / 1000 <= 10_800.0
+    assert max(hour.delivered_ms[each.number] for each in others) < 9_000_000
+
+
+def test_requests_are_planned_when_their_batch_ends() -> None:
+    search, *_ = searches(searched_in_rounds(2, most_steps=2_000))
+    case = fleet_case("city", Load(2, 8), seed=1)
+    seen: list[float] = []
+
+    def noted(problem: FleetProblem, seed: int) -> Schedule:
+        seen.extend(-each.known_s for each in problem.requests if each.planned is None)
+        return search.plan(problem, seed)
+
+    RollingHour(case, replace(search, plan=noted, batch_s=5.0), 1).run()
+
+    assert 0.0 < max(seen) < 5.0
 
 
 def test_a_drone_flies_to_the_pickup_while_its_trip_waits_for_more_requests() -> None:

@@ -6,7 +6,7 @@ from pydantic import ValidationError
 
 from skyway.delivery.qos import ProviderChoice, QoS
 from skyway.delivery.request import DeliveryRequest
-from skyway.ids import ProviderId
+from skyway.ids import PackageId, ProviderId
 
 ASKED_AT = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
@@ -127,3 +127,69 @@ def test_a_request_that_waits_for_others_begins_later(
     request = DeliveryRequest.model_validate(make_request(**{"qos": qos, **changes}))
 
     assert request.begun_after_wait(ASKED_AT).earliest_pickup_at == starts_at
+
+
+@pytest.mark.parametrize(
+    ("windows", "promised_min", "kept_min"),
+    [
+        ({}, 70, 70),
+        ({"pickup": (None, 30)}, 70, 70),
+        ({"pickup": (0, None)}, 70, 70),
+        ({"pickup": (0, 30)}, 70, 100),
+        ({"pickup": (0, 30), "deadline": 90}, 70, 90),
+        ({"pickup": (0, 30), "deadline": 60}, 70, 70),
+        ({"pickup": (0, 30), "may_be_later_s": 600}, 70, 100),
+        ({"pickup": (0, 30), "may_be_later_s": 3_600}, 70, 130),
+        ({"package": (None, 90)}, 70, 70),
+        ({"package": (60, 90)}, 60, 90),
+        ({"package": (60, 90)}, 85, 90),
+        ({"package": (60, 90)}, 95, 95),
+        ({"package": (60, 90), "may_be_later_s": 3_600}, 70, 90),
+        ({"package": (60, 90), "pickup": (0, 120)}, 70, 90),
+    ],
+)
+def test_a_promise_is_kept_until_the_end_of_the_window(
+    windows: dict[str, Any], promised_min: float, kept_min: float
+) -> None:
+    def at(minutes: float | None) -> datetime | None:
+        return None if minutes is None else ASKED_AT + timedelta(minutes=minutes)
+
+    pickup, package = (windows.get(name, (None, None)) for name in ("pickup", "package"))
+    window = {"not_before_at": at(package[0]), "latest_at": at(package[1])}
+    request = DeliveryRequest.model_validate(
+        make_request(
+            earliest_pickup_at=at(pickup[0]),
+            latest_pickup_at=at(pickup[1]),
+            packages=[{**make_package(), **window}, make_package("p2")],
+            qos={
+                "deadline_at": at(windows.get("deadline")),
+                "may_be_later_s": windows.get("may_be_later_s", 0),
+            },
+        )
+    )
+    promised_at = ASKED_AT + timedelta(minutes=promised_min)
+
+    assert request.kept_until(PackageId("p1"), promised_at) == at(kept_min)
+
+
+@pytest.mark.parametrize(
+    ("changes", "qos", "weight"),
+    [
+        ({}, {}, 1.0),
+        ({}, {"priority": "PRIORITY"}, 2.0),
+        ({"latest_pickup_at": ASKED_AT}, {}, 1.0),
+        ({"earliest_pickup_at": ASKED_AT}, {}, 1.0),
+        ({}, {"may_be_later_s": 600}, 1.0),
+        (
+            {"earliest_pickup_at": ASKED_AT, "latest_pickup_at": ASKED_AT + timedelta(hours=1)},
+            {"priority": "PRIORITY"},
+            0.2,
+        ),
+    ],
+)
+def test_a_second_of_a_delivery_counts_little_if_its_window_is_promised(
+    changes: dict[str, Any], qos: dict[str, Any], weight: float
+) -> None:
+    request = DeliveryRequest.model_validate(make_request(qos=qos, **changes))
+
+    assert request.weight == pytest.approx(weight)

@@ -96,7 +96,7 @@ def after_booking(
             "custodian": Custodian(kind="STATION", id=mission.pickup_station_id),
             "promised_at": eta.eta_at,
             "promised_p90_at": p90_at,
-            "due_at": due_of(eta.eta_at, p90_at, delivery.request.qos),
+            "due_at": due_of(eta.package_id, eta.eta_at, p90_at, delivery.request),
             "eta_at": eta.eta_at,
         }
 

@@ -223,7 +223,7 @@ def with_promises(delivery: Delivery, mission: DeliveryMission) -> Delivery:
         return {
             "promised_at": eta_at,
             "promised_p90_at": p90_at,
-            "due_at": due_of(eta_at, p90_at, delivery.request.qos),
+            "due_at": due_of(package.package_id, eta_at, p90_at, delivery.request),
             "eta_at": eta_at,
         }
 

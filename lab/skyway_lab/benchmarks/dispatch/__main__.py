@@ -7,6 +7,8 @@ standbys: where idle drones wait, without a search.
 small: random fleets of two drones, beside every order.
 promises: the mean of the rolling hour by when a promise is firm, and by its width.
 providers: three fleets of three drones, each searched alone or all searched together.
+windows: the rolling hour in which a third of the requests have a window.
+batches: the rolling hour in which requests wait a few seconds to be planned together.
 
 docs/dispatch.md says how the cases are drawn, and holds the results.
 """
@@ -25,6 +27,7 @@ from skyway_lab.benchmarks.dispatch.providers import providers
 from skyway_lab.benchmarks.dispatch.published import published_fleet
 from skyway_lab.benchmarks.dispatch.small import small
 from skyway_lab.benchmarks.dispatch.standbys import standbys
+from skyway_lab.benchmarks.dispatch.windows import batches, windows
 from skyway_lab.benchmarks.planner.machine import Machine
 from skyway_lab.benchmarks.planner.table import Table
 from skyway_lab.experiments.dispatched_hour.cases import fleet_case
@@ -57,7 +60,9 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--only", choices=tuple(PARTS), help="only this part")
     parser.add_argument("--case", type=int, action="append", help="only the case of this number")
     parser.add_argument("--seeds", type=int, default=3, help="seeds 1 to this")
-    parser.add_argument("--first-seed", type=int, default=1, help="the first seed of the promises")
+    parser.add_argument(
+        "--first-seed", type=int, default=1, help="the first seed of the hours with promises"
+    )
     parser.add_argument("--minute-s", type=float, default=0.3, help="processor time a minute")
     parser.add_argument("--fleets", type=int, default=200, help="small random fleets")
     parser.add_argument("--budget-s", type=float, default=10.0, help="processor time of a plan")
@@ -138,11 +143,11 @@ PARTS: Mapping[str, Callable[[argparse.Namespace], Iterator[Table]]] = MappingPr
         "published": published,
         "standbys": lambda sizes: standbys(seeds=sizes.seeds),
         "promises": lambda sizes: promises(
-            _chosen(sizes),
-            seeds=range(sizes.first_seed, sizes.seeds + 1),
-            figure=sizes.figure,
+            _chosen(sizes), seeds=_seeds(sizes), figure=sizes.figure
         ),
         "providers": lambda sizes: providers(seeds=sizes.seeds),
+        "windows": lambda sizes: windows(seeds=_seeds(sizes)),
+        "batches": lambda sizes: batches(_chosen(sizes), seeds=_seeds(sizes)),
         "small": lambda sizes: small(sizes.fleets, budget_s=sizes.minute_s),
     }
 )
@@ -181,6 +186,10 @@ def _row(
         *(minutes(each.costs.total_s) for each in ordered),
         *[""] * (len(present_peers()) - len(ordered)),
     )
+
+
+def _seeds(sizes: argparse.Namespace) -> range:
+    return range(sizes.first_seed, sizes.seeds + 1)
 
 
 def _chosen(sizes: argparse.Namespace) -> list[tuple[Place, Load]]:

@@ -10,7 +10,7 @@ from statistics import mean
 from typing import Final
 
 from skyway_lab.benchmarks.planner.table import Table
-from skyway_lab.experiments.dispatched_hour.cases import fleet_case
+from skyway_lab.experiments.dispatched_hour.cases import FleetCase, fleet_case
 from skyway_lab.experiments.dispatched_hour.policies import (
     DispatchPolicy,
     searched_in_rounds,
@@ -30,7 +30,7 @@ _WIDTHS_MIN: Final = (1, 10, 30)
 _WIDER_BY: Final = 0.28
 
 #: The search of `live_hour`, in which each request flies alone, and the same with shared trips.
-_ALONE, _POOLING, _ = searches(searched_in_rounds(2, most_steps=8_000))
+ALONE, _POOLING, _ = searches(searched_in_rounds(2, most_steps=8_000))
 
 
 def promises(
@@ -39,7 +39,7 @@ def promises(
     """Mean minutes from each request to its last delivery, a table for each case."""
     lines = []
     for place, load in cases:
-        own = _POOLING if place == "three hubs" else _ALONE
+        own = _POOLING if place == "three hubs" else ALONE
         table = Table(
             "promises",
             f"{place}, {load}: firm after so many minutes",
@@ -53,12 +53,12 @@ def promises(
             far_policy = _promising(own, firm_min=firm, width_min=0)
             far = _hours(place, load, seeds, replace(far_policy, wider_by=_WIDER_BY))
             width_min = mean(map(_mean_width_min, far))
-            far_cell = f"{_cell(far)}, {width_min:.0f} min wide"
-            table.rows.append((f"{firm} min", *map(_cell, found), far_cell))
+            far_cell = f"{cell(far)}, {width_min:.0f} min wide"
+            table.rows.append((f"{firm} min", *map(cell, found), far_cell))
             name = f"{place}, firm after {firm} min"
             lines.append(Line(name, _WIDTHS_MIN, [*map(_estimate, found)]))
             lines.append(Line(f"{name}, wider when far", [width_min], [_estimate(far)]))
-        none = _cell(_hours(place, load, seeds, own))
+        none = cell(_hours(place, load, seeds, own))
         table.rows.append(("no promise", *[none] * (len(_WIDTHS_MIN) + 1)))
         yield table
     if figure is not None:
@@ -76,8 +76,14 @@ def _promising(policy: DispatchPolicy, *, firm_min: float, width_min: float) -> 
 def _hours(
     place: Place, load: Load, seeds: Sequence[int], policy: DispatchPolicy
 ) -> list[RollingHour]:
-    """The hour of each seed, flown."""
-    hours = [RollingHour(fleet_case(place, load, seed=seed), policy, seed) for seed in seeds]
+    return flown([fleet_case(place, load, seed=seed) for seed in seeds], seeds, policy)
+
+
+def flown(
+    cases: Sequence[FleetCase], seeds: Sequence[int], policy: DispatchPolicy
+) -> list[RollingHour]:
+    """The hour of each case, flown."""
+    hours = [RollingHour(case, policy, seed) for case, seed in zip(cases, seeds, strict=True)]
     for hour in hours:
         hour.run()
     return hours
@@ -91,6 +97,7 @@ def _estimate(hours: Sequence[RollingHour]) -> Estimate:
     return Sample.of([each.mean_min for each in hours]).mean()
 
 
-def _cell(hours: Sequence[RollingHour]) -> str:
+def cell(hours: Sequence[RollingHour]) -> str:
+    """Mean minutes of all hours, and of each."""
     means = [each.mean_min for each in hours]
     return f"{mean(means):.0f} ({', '.join(f'{each:.0f}' for each in means)})"

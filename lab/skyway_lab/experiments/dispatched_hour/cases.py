@@ -73,12 +73,19 @@ class FleetCase:
 
 def request_of(asked: HourRequest, granted_s: float, *, now_ms: int, pooling: bool) -> FleetRequest:
     """The request as the dispatcher reads it; its packages get names of their own."""
-    known_s = (asked.asked_ms - now_ms) / 1000
+    known_s, now_s = (asked.asked_ms - now_ms) / 1000, now_ms / 1000
     return FleetRequest(
         request_id=str(asked.number),
         source=asked.source,
         packages=tuple(
-            each.model_copy(update={"package_id": f"{asked.number}-{each.package_id}"})
+            each.model_copy(
+                update={
+                    "package_id": f"{asked.number}-{each.package_id}",
+                    "not_before_s": None
+                    if each.not_before_s is None
+                    else each.not_before_s - now_s,
+                }
+            )
             for each in asked.packages
         ),
         known_s=known_s,

@@ -51,6 +51,11 @@ class DispatchPolicy:
         A request is promised what the last plan says before the request is so old, or the plan
         with which its trip begins. A request that is so old before its first plan is promised the
         first plan.
+    window_s
+        A delivery that has a begin is promised until so long after it, if that is later. Then its
+        seconds count `WINDOW_WEIGHT`. 0: only the moment of its plan is promised.
+    batch_s
+        Requests are planned together at multiples of so many seconds, and all again each minute.
     """
 
     name: str
@@ -62,6 +67,8 @@ class DispatchPolicy:
     promise_tolerance_s: float | None = None
     wider_by: float = 0.0
     firm_within_s: float = 0.0
+    window_s: float = 0.0
+    batch_s: float = 60.0
 
 
 def _first_come(problem: FleetProblem, _seed: int) -> Schedule:

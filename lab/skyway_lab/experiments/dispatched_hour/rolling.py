@@ -1,5 +1,7 @@
 """A rolling hour: each minute the policy plans all requests that have not started.
 
+If requests wait in shorter batches, it also plans when a batch ends.
+
 While requests still come, trips may wait for more requests that may share them. The drone of such a
 trip may fly ahead to the pickup, without packages. A drone that waits stands where its last flight
 ended, and charges while the pad there is free. Trips get the pad first, then the drone that has
@@ -8,9 +10,11 @@ stood there longest. All flights go as planned.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from statistics import mean
 from typing import Final
 
+from skyway.delivery.request import WINDOW_WEIGHT
 from skyway.dispatch.pads import HeldPad
 from skyway.dispatch.planned_trip import PlannedTrip
 from skyway.dispatch.pools import waits_for_more
@@ -65,8 +69,7 @@ class RollingHour:
 
     def run(self) -> None:
         """Fly the hour until every request is served."""
-        for tick in range(_MOST_TICKS):
-            now_ms = tick * _TICK_MS
+        for now_ms, next_ms in pairwise(self._moments_ms()):
             self._charge(now_ms + _PREPARE_MS)
             open_requests = [
                 each
@@ -75,10 +78,16 @@ class RollingHour:
             ]
             if open_requests:
                 problem = self._problem(open_requests, now_ms)
-                schedule = self.policy.plan(problem, self.seed + tick)
-                self._begin(problem, schedule, open_requests, now_ms)
+                schedule = self.policy.plan(problem, self.seed + now_ms // _TICK_MS)
+                self._begin(problem, schedule, open_requests, now_ms, next_ms)
             if len(self.delivered_ms) == len(self.case.hour.requests):
                 return
+
+    def _moments_ms(self) -> list[int]:
+        """When the open requests are planned: each minute, and when a batch ends."""
+        batch_ms = round(1000 * self.policy.batch_s)
+        ends_ms = {-(-each.asked_ms // batch_ms) * batch_ms for each in self.case.hour.requests}
+        return sorted(ends_ms | {tick * _TICK_MS for tick in range(_MOST_TICKS)})
 
     def waited_s(self) -> dict[int, float]:
         """From each served request to its last delivery, by its number."""
@@ -93,9 +102,19 @@ class RollingHour:
         least_s = self.policy.promise_tolerance_s
         if least_s is None or number not in self.promised_ms:
             return None
-        asked_ms = self.case.hour.requests[number].asked_ms
-        wait_s = (self.promised_ms[number] - asked_ms) / 1000
-        return least_s + self.policy.wider_by * max(0.0, wait_s - FAR_S)
+        asked, promised_s = self.case.hour.requests[number], self.promised_ms[number] / 1000
+        width_s = least_s + self.policy.wider_by * max(
+            0.0, promised_s - asked.asked_ms / 1000 - FAR_S
+        )
+        end_s = self._window_end_s(number)
+        return width_s if end_s is None else max(width_s, end_s - promised_s)
+
+    def _window_end_s(self, number: int) -> float | None:
+        """Until when a delivery with a window is promised; None without such a promise."""
+        begin_s = self.case.hour.requests[number].packages[0].not_before_s
+        if begin_s is None or self.policy.window_s == 0:
+            return None
+        return begin_s + self.policy.window_s
 
     @property
     def mean_min(self) -> float:
@@ -124,6 +143,9 @@ class RollingHour:
                 update={
                     "planned": self._planned_trip(int(each.request_id), now_ms),
                     "promised_s": self._promised_s(int(each.request_id), now_ms),
+                    "weight": 1.0
+                    if self._window_end_s(int(each.request_id)) is None
+                    else WINDOW_WEIGHT,
                 }
             )
             for each in problem.requests
@@ -150,7 +172,8 @@ class RollingHour:
         """The latest delivery that keeps the promise; None without promises."""
         width_s = self.width_s(number)
         if width_s is None:
-            return None
+            end_s = self._window_end_s(number)
+            return None if end_s is None else end_s - now_ms / 1000
         return (self.promised_ms[number] - now_ms) / 1000 + width_s
 
     def _planned_trip(self, number: int, now_ms: int) -> CurrentTrip | None:
@@ -172,21 +195,23 @@ class RollingHour:
         schedule: Schedule,
         requests: Sequence[HourRequest],
         now_ms: int,
+        next_ms: int,
     ) -> None:
         """Start the trips that begin before the next plan could; remember the others."""
         self._planned = {}
-        until_ms = now_ms + _PREPARE_MS + _TICK_MS
+        until_ms = next_ms + _PREPARE_MS
         most_wait_s = self.policy.most_wait_s if now_ms < HOUR_MS else 0.0
         waiting: dict[int, PlannedTrip] = {}
         for number, trip in sorted(schedule.trips, key=lambda each: each.trip.slot.at_ms):
             start_ms = now_ms + trip.slot.at_ms
             if waits_for_more(problem, trip.pool, most_wait_s=most_wait_s):
                 waiting.setdefault(number, trip)
-            if number in waiting:
+            may_wait = start_ms < until_ms and self._begins_early(problem, number, trip)
+            if number in waiting or may_wait:
                 start_ms = max(start_ms, until_ms)
             for each, moment_ms in zip(trip.pool, trip.delivered_ms, strict=True):
                 firm_ms = requests[each].asked_ms + 1000 * self.policy.firm_within_s
-                if firm_ms < now_ms + _TICK_MS or start_ms < until_ms:
+                if firm_ms < next_ms or start_ms < until_ms:
                     self.promised_ms.setdefault(requests[each].number, now_ms + moment_ms)
             if start_ms >= until_ms:
                 for each in trip.pool:
@@ -226,6 +251,17 @@ class RollingHour:
         if flight is not None and flight.end.at_ms + _TICK_MS > latest_ms:
             self._fly(number, flight, now_ms)
             self.flights_ahead += 1
+
+    def _begins_early(self, problem: FleetProblem, number: int, trip: PlannedTrip) -> bool:
+        """Whether a trip with a window delivers as soon if its drone sets out a minute later."""
+        requests = tuple(problem.requests[each] for each in trip.pool)
+        if not any(each.has_windows for each in requests):
+            return False
+        free_s = (trip.slot.at_ms + _TICK_MS) / 1000
+        later = problem.drones[number].model_copy(update={"free_s": free_s})
+        alone = problem.model_copy(update={"drones": (later,), "requests": requests})
+        found = [each.trip.delivered_ms for each in Scheduler(alone).arrival_order().trips]
+        return found == [trip.delivered_ms]
 
     def _empty_flight(
         self, problem: FleetProblem, number: int, end: StationId, now_ms: int

@@ -54,7 +54,7 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class HourRequest:
-    """A customer's request; `asked_ms` counts from the start of the hour."""
+    """A customer's request; `asked_ms` and windows of packages count from the start of the hour."""
 
     number: int
     asked_ms: int

@@ -6,9 +6,11 @@ They are planned one after the other, from where the drone is free.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import timedelta
 from itertools import zip_longest
 from typing import Final
 
+from skyway.delivery.lateness import later_by_s
 from skyway.delivery.plan import Plan
 from skyway.errors import InvalidProblem
 from skyway.ids import PackageId
@@ -337,24 +339,24 @@ def latest_ms(record: MissionRecord, *, tolerance_s: float) -> dict[PackageId, i
     """The latest delivery of each package that another order may have, if there is one.
 
     While the promise is provisional, only a deadline is a limit. Then it is the promise with the
-    tolerance, or the present plan if that is later. A customer may allow more (`may_be_later_s`),
-    up to the deadline, but not for the others on a shared mission.
+    tolerance, or the present plan if that is later. On a mission that is not shared, a window or
+    what the customer allows makes it later, but leaves the time that the wind may need.
     """
     promised, planned = record.promises, etas_ms(record)
-    qos, tolerance_ms = record.request.qos, round(tolerance_s * 1000)
-    allowed_ms = 0 if record.shares else round(qos.may_be_later_s * 1000)
-    deadline_ms = math.inf if qos.deadline_at is None else moment_to_ms(qos.deadline_at)
-    if record.mission.firm_at is not None:
-        limits = {each: max(deadline_ms, at_ms) for each, at_ms in planned.items()}
-        return {each: round(at_ms) for each, at_ms in limits.items() if at_ms < math.inf}
+    mission, by_ms = record.mission, deadline_ms(record)
+    if mission.firm_at is not None:
+        return {} if by_ms is None else {each: max(by_ms, at_ms) for each, at_ms in planned.items()}
 
-    def latest(promise_ms: int, planned_ms: int) -> int:
-        allowed = min(promise_ms + allowed_ms, deadline_ms)
-        return round(max(promise_ms + tolerance_ms, allowed, planned_ms))
+    def latest(package_id: PackageId, planned_ms: int) -> int:
+        at = promised[package_id].eta_at
+        by = [moment_to_ms(at) + round(tolerance_s * 1000), planned_ms]
+        if not record.shares:
+            planned_s = (at - mission.start_at).total_seconds()
+            wind = timedelta(seconds=later_by_s(planned_s, mission.margins.late_share or 0.0))
+            by.append(moment_to_ms(record.request.kept_until(package_id, at + wind) - wind))
+        return max(by)
 
-    return {
-        each: latest(moment_to_ms(promised[each].eta_at), at_ms) for each, at_ms in planned.items()
-    }
+    return {each: latest(each, at_ms) for each, at_ms in planned.items()}
 
 
 def etas_ms(record: MissionRecord) -> dict[PackageId, int]:

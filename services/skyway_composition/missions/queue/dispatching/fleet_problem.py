@@ -20,7 +20,6 @@ from skyway_composition.missions.queue.dispatching.merger import MOST_SHARES
 from skyway_composition.missions.queue.dispatching.plan_orders import (
     ENERGY_S_PER_KWH,
     MOVE_S,
-    weight_of,
 )
 from skyway_composition.missions.queue.plan_queue import latest_ms
 from skyway_composition.pads.store import PadHeldBy
@@ -123,7 +122,6 @@ def _request(
         return None if moment is None else (moment_to_ms(moment) - base_ms) / 1000 + later_s
 
     asked, latest = record.request, latest_ms(record, tolerance_s=tolerance_s)
-    deadline_at = asked.qos.deadline_at
     return FleetRequest(
         request_id=record.mission_id,
         source=asked.pickup.station_id,
@@ -140,12 +138,12 @@ def _request(
         known_s=-age_s,
         pickup_not_before_s=seconds(asked.earliest_pickup_at),
         pickup_latest_s=seconds(asked.latest_pickup_at),
-        deadline_s=seconds(deadline_at),
+        deadline_s=seconds(asked.qos.deadline_at),
         # The end of the tolerance, so that the search needs no tolerance of its own.
         promised_s=(max(latest.values()) - base_ms) / 1000 + later_s if latest else None,
         pooling=pooling,
         provider_ids=provider_ids,
-        weight=weight_of(record),
+        weight=asked.weight,
         planned=CurrentTrip(
             drone_id=record.drone_id, start_s=(record.start.at_ms - base_ms) / 1000
         ),

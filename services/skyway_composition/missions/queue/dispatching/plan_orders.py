@@ -50,10 +50,6 @@ ENERGY_S_PER_KWH: Final = 1_000.0
 
 _J_PER_KWH: Final = 3.6e6
 
-#: How much a second of a PRIORITY delivery counts, if one of a STANDARD delivery counts 1. Our own
-#: choice.
-_PRIORITY_WEIGHT: Final = 2.0
-
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
@@ -95,7 +91,7 @@ def judge(
         if any(later[package_id] > at_ms for package_id, at_ms in latest.items()):
             late.add(after.drone_id)
         saved_ms = _ends_ms(before, earlier) - _ends_ms(before, later)
-        saved_s += weight_of(before) * saved_ms / 1000
+        saved_s += before.request.weight * saved_ms / 1000
         saved_j += _energy_j(before) - _energy_j(after)
         moves += before.drone_id != after.drone_id
     return Judgement(saved_s, saved_j, moves, frozenset(late))
@@ -104,11 +100,6 @@ def judge(
 def _energy_j(record: MissionRecord) -> float:
     """The energy of the flights until the last hand-over."""
     return record.mission.plan.energy_j or 0.0
-
-
-def weight_of(record: MissionRecord) -> float:
-    """How much a second of this delivery counts."""
-    return _PRIORITY_WEIGHT if record.request.qos.priority == "PRIORITY" else 1.0
 
 
 def _ends_ms(record: MissionRecord, etas_ms: Mapping[PackageId, int]) -> int:

@@ -10,6 +10,7 @@ from skyway_composition.missions.mission.share import Share
 from skyway_composition.missions.queue.dispatching.plan_orders import judge
 
 from skyway.contracts.candidate import Candidate
+from skyway.contracts.margins import Margins
 from skyway.contracts.mission import Mission, PackageEta
 from skyway.delivery.offer import Price
 from skyway.delivery.plan import Plan, PlanStatus
@@ -26,6 +27,8 @@ def make_record(
     drone: str = "drn_1",
     energy_kwh: float = 0.0,
     firm_at: datetime | None = None,
+    window_min: tuple[float, float] | None = None,
+    late_share: float | None = None,
     **qos: Any,
 ) -> MissionRecord:
     """A waiting mission with one package; minutes count from noon."""
@@ -38,17 +41,23 @@ def make_record(
     members: dict[str, Any] = {
         "mission_id": "msn_1",
         "drone_id": drone,
+        "start_at": _NOON,
         "packages": etas(eta_min),
         "firm_at": firm_at,
+        "margins": Margins(late_share=late_share),
         "plan": Plan.model_construct(status=PlanStatus.OPTIMAL, energy_j=energy_kwh * 3.6e6),
     }
     mission = Mission.model_construct(**members)
+    window = dict(
+        zip(
+            ("not_before_at", "latest_at"),
+            (_NOON + timedelta(minutes=each) for each in window_min or ()),
+            strict=False,
+        )
+    )
+    package = {"package_id": "p1", "mass_kg": 1, "destination": {"station_id": "b"}, **window}
     asked = DeliveryRequest.model_validate(
-        {
-            "pickup": {"station_id": "a"},
-            "packages": [{"package_id": "p1", "mass_kg": 1, "destination": {"station_id": "b"}}],
-            "qos": qos,
-        }
+        {"pickup": {"station_id": "a"}, "packages": [package], "qos": qos}
     )
     return MissionRecord(
         mission=mission,
@@ -133,6 +142,21 @@ def test_a_customer_may_allow_more_than_the_tolerance_but_not_after_the_deadline
 ) -> None:
     before = make_record(eta_min=60, promised_min=60, **qos)
     after = make_record(eta_min=new_min, promised_min=60, **qos)
+
+    assert bool(judge([(before, after)], tolerance_s=60).late) == is_late
+
+
+@pytest.mark.parametrize(
+    ("late_share", "new_min", "is_late"),
+    [(None, 90, False), (None, 90.1, True), (0.1, 84, False), (0.1, 84.1, True)],
+)
+def test_a_delivery_may_come_within_its_window_less_what_the_wind_may_need(
+    late_share: float | None, new_min: float, is_late: bool
+) -> None:
+    before, after = (
+        make_record(eta_min=each, promised_min=60, window_min=(60, 90), late_share=late_share)
+        for each in (60, new_min)
+    )
 
     assert bool(judge([(before, after)], tolerance_s=60).late) == is_late
 
