@@ -55,6 +55,11 @@ ACTIONS: Final = (
 )
 
 
+def chosen_actions(chance: Random) -> list[tuple[str, int]]:
+    """Actions of a story, each with its own chance: the same on every database."""
+    return [(chance.choice(ACTIONS), chance.randrange(10_000)) for _ in range(25)]
+
+
 class Story:
     """A world and the actions in it; `chance` chooses the details of an action."""
 

@@ -31,7 +31,7 @@ from skyway_composition.missions.timeouts import (
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.quarantine.set_aside import Quarantine
-from skyway_composition.tables import metadata, missions, outbox
+from skyway_composition.tables import metadata, missions, network_versions, outbox
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
 from skyway_verifier.composition.rules import RULES
 from sqlalchemy import delete, select
@@ -112,8 +112,10 @@ class BusyWorld:
         await self.db.__aenter__()
         await self.solver.__aenter__()
         async with self.db.write() as tx:
-            for table in reversed(metadata.sorted_tables):
-                await tx.execute(delete(table))
+            if (await tx.execute(select(network_versions.c.network_id))).first():
+                # The database of an earlier story is used again.
+                for table in reversed(metadata.sorted_tables):
+                    await tx.execute(delete(table))
             await self.add_network(tx)
         for drone in self.make_drones():
             self.drones.append(drone)

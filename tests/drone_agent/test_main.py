@@ -93,17 +93,6 @@ def test_the_line_of_a_minute_counts_what_happened() -> None:
     assert news.line(10)[5:] == " 10 drones: nothing new\n"
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_the_agent_stops_on_a_signal(
-    tmp_path: Path, files: list[str], number: signal.Signals
-) -> None:
-    with subprocess.Popen([*COMMAND, *files], stderr=subprocess.PIPE, text=True) as running:
-        wait_for_journal(tmp_path, running)
-        running.send_signal(number)
-
-        assert running.wait(timeout=60) == 0
-
-
 def test_the_agent_stops_when_its_terminal_is_closed(files: list[str]) -> None:
     ours, theirs = os.openpty()
     with subprocess.Popen(

@@ -299,8 +299,11 @@ async def opened_gateway(
             secrets_dir,
         )
         await _make_callers(gateway)
+        commits = parts.db.commits
         yield gateway
-        if not gateway.is_damaged:
+        # On PostgreSQL commits are not counted.
+        is_unchanged = parts.db.dialect == "sqlite" and parts.db.commits == commits
+        if not (gateway.is_damaged or is_unchanged):
             assert await gateway.broken() == []
             assert await gateway.wrongly_cached() == []
             assert await gateway.undocumented_events() == []

@@ -58,6 +58,7 @@ DAMAGES = [
 ]
 
 
+@pytest.mark.databases("sqlite")
 @pytest.mark.parametrize(
     ("damage", "rule"),
     [

@@ -16,11 +16,11 @@ def package() -> str:
     return "skyway_composition"
 
 
-async def test_forty_bookings_on_four_drones_give_calendars_without_overlaps(
+async def test_twenty_bookings_on_four_drones_give_calendars_without_overlaps(
     migrated_url: str,
 ) -> None:
     async with BusyWorld(migrated_url) as world:
-        ids = [f"dlv{number}" for number in range(1, 41)]
+        ids = [f"dlv{number}" for number in range(1, 21)]
 
         outcomes = await asyncio.gather(
             *(world.book(each, request(each, "a", "b"), loading="AUTOMATIC") for each in ids)

@@ -12,10 +12,10 @@ from tests.gateway.whole_gateway import Gateway, make_request
 WAIT = timedelta(seconds=120)
 
 
-def make_photo(form: str = "JPEG", size: tuple[int, int] = (64, 48)) -> bytes:
+def make_photo(form: str = "JPEG", size: tuple[int, int] = (64, 48), *, mode: str = "RGB") -> bytes:
     """A small picture."""
     made = BytesIO()
-    Image.new("RGB", size, "navy").save(made, form)
+    Image.new(mode, size, "navy").save(made, form)
     return made.getvalue()
 
 
