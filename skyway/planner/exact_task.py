@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from skyway.drone.charging import fastest_s_per_soc
 from skyway.drone.model import DroneModel
 from skyway.ids import StationId
 from skyway.network.network import Network
@@ -188,6 +189,7 @@ def task_of(
         reserve_j=model.reserve_soc * model.battery_j,
         rounding_j=rounding_j(model),
         s_per_j=need.weights.per_joule,
+        lag_s_per_j=_lag_s_per_j(situation),
         stop_s=model.stop_s,
         stop_j=model.stop_j,
         loading_s=loading_s,
@@ -201,6 +203,18 @@ def task_of(
         may_pass=situation.windows.may_pass,
         **windows._asdict(),
     )
+
+
+def _lag_s_per_j(situation: Situation) -> float:
+    """How much later a label may be than a label that it dominates, for each joule more.
+
+    That is 0 where sessions may end below the top, and where the moment of a flight matters.
+    """
+    problem = situation.problem
+    is_timed = situation.windows.may_pass or situation.closures.intervals()
+    if problem.recharge_policy != "full" or is_timed or problem.weather is not None:
+        return 0.0
+    return fastest_s_per_soc(situation.fastest_model) / situation.model.battery_j
 
 
 def _compares_masks(situation: Situation) -> bool:

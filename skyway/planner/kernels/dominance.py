@@ -21,15 +21,32 @@ SAME_SHARE = 1e-3
 
 
 @kernel
-def dominates(task: Task, one: Floats, other: Floats) -> bool:
+def rank_s(task: Task, row: Floats) -> float:
+    """The order of the labels of a list: no label dominates a label of a lower rank.
+
+    The label's moment, where no label dominates an earlier one. Else the moment at which the drone
+    would be charged to the top at the fastest rate, on a scale of its own.
+    """
+    top_j = task.curve_j[task.curve_j.size - 1]
+    return row[TIME] - task.lag_s_per_j * min(row[LAST_LEVEL] - row[USED], top_j)
+
+
+@kernel
+def dominates(task: Task, one: Floats, other: Floats, must_charge: bool) -> bool:
     """Whether `one` has at least the charge of `other` at each moment of `other`.
 
     Both are rows of `Memory.label`. If all pads have one concave charge curve, two labels cannot
     cross between the first and the last moment: it is enough to compare these two moments. On
     different curves the lead is least at one of these moments, or where the curve of `other` bends.
+
+    If the drone of `other` must charge to the top once more, `one` may be later: by as much as
+    charging the difference takes at the fastest rate. Its drone then takes the same pads, where it
+    is full no later.
     """
     later_s = other[TIME] - one[TIME]
-    if later_s < -SAME_S or one[LATEST] < other[LATEST] - SAME_S:
+    if one[LATEST] < other[LATEST] - SAME_S:
+        return False
+    if later_s < -SAME_S and not (must_charge and rank_s(task, one) < rank_s(task, other) - SAME_S):
         return False
     least_j = task.rounding_j * SAME_SHARE
     lead_at_end_j = (one[LAST_LEVEL] - one[USED]) - (other[LAST_LEVEL] - other[USED])

@@ -10,7 +10,7 @@ import numpy as np
 from skyway.planner.kernels.charging import Charge, after_staying
 from skyway.planner.kernels.closures import slack_s
 from skyway.planner.kernels.compiler import fetch_soon, kernel
-from skyway.planner.kernels.dominance import SAME_S, dominates
+from skyway.planner.kernels.dominance import SAME_S, dominates, rank_s
 from skyway.planner.kernels.memory import (
     ALIVE,
     BEST,
@@ -139,7 +139,7 @@ def enlist(task: Task, memory: Memory, label: int, state: int, column: int) -> i
     memory.link[label, ALIVE] = 1
     _insert(memory, label, state, column, before)
     best = memory.state_best[state]
-    best[SOONEST] = min(best[SOONEST], row[TIME])
+    best[SOONEST] = min(best[SOONEST], rank_s(task, row))
     best[MOST] = max(best[MOST], row[LAST_LEVEL] - row[USED])
     return label
 
@@ -209,12 +209,13 @@ def is_behind(task: Task, memory: Memory, label: int) -> bool:
     count = int64(task.destinations.size)
     if memory.state[state, STATE_MASK] == int64(1) << count:
         return False
+    must_charge = _must_charge(task, memory, state, row)
     # The processor loads all of them together, and does not wait for one after another.
     for number in range(count):
         if memory.state_ahead[state, number] >= 0:
             fetch_soon(memory.state_best, memory.state_ahead[state, number])
             fetch_soon(memory.state, memory.state_ahead[state, number])
-    latest_s = row[TIME] + SAME_S
+    latest_s = rank_s(task, row) + SAME_S
     needed_j = row[LAST_LEVEL] - row[USED] - task.rounding_j
     for number in range(count):
         other = memory.state_ahead[state, number]
@@ -223,9 +224,9 @@ def is_behind(task: Task, memory: Memory, label: int) -> bool:
         best = memory.state_best[other]
         if best[SOONEST] > latest_s or best[MOST] < needed_j:
             continue
-        if _is_dominated(task, memory, other, FIRST_ON_GROUND, row):
+        if _is_dominated(task, memory, other, FIRST_ON_GROUND, row, must_charge):
             return True
-        if not on_ground and _is_dominated(task, memory, other, FIRST_IN_AIR, row):
+        if not on_ground and _is_dominated(task, memory, other, FIRST_IN_AIR, row, must_charge):
             return True
     return False
 
@@ -252,7 +253,16 @@ def _insert(memory: Memory, label: int, state: int, column: int, before: int) ->
 
 
 @kernel
-def _is_dominated(task: Task, memory: Memory, state: int, column: int, row: Floats) -> bool:
+def _must_charge(task: Task, memory: Memory, state: int, row: Floats) -> bool:
+    """Whether a drone of this label charges to the top once more before its last delivery."""
+    missing_j = memory.state_bound[state, 1] - (row[LAST_LEVEL] - row[USED] - task.reserve_j)
+    return task.lag_s_per_j > 0.0 and missing_j > task.rounding_j
+
+
+@kernel
+def _is_dominated(
+    task: Task, memory: Memory, state: int, column: int, row: Floats, must_charge: bool
+) -> bool:
     """Whether a label of this list dominates the row."""
     needed_j = row[LAST_LEVEL] - row[USED] - task.rounding_j
     label = memory.state[state, column]
@@ -260,7 +270,7 @@ def _is_dominated(task: Task, memory: Memory, state: int, column: int, row: Floa
         other = memory.label[label]
         if other[MOST_BEFORE] < needed_j:
             return False
-        if dominates(task, other, row):
+        if dominates(task, other, row, must_charge):
             return True
         label = int64(other[NEXT])
     return False
@@ -281,18 +291,25 @@ def _compare(
     Otherwise returns the label after which the row belongs, -1 if the row is the first.
     """
     needed_j = row[LAST_LEVEL] - row[USED] - task.rounding_j
+    rank = rank_s(task, row)
+    must_charge = _must_charge(task, memory, state, row)
     behind, before = NONE, NONE
     label = memory.state[state, column]
     while label >= 0:
         other = memory.label[label]
         following = int64(other[NEXT])
-        is_earlier = other[TIME] < row[TIME] - SAME_S
+        other_rank = rank_s(task, other)
+        is_earlier = other_rank < rank - SAME_S
         has_enough = other[MOST_BEFORE] >= needed_j
         if (is_earlier or not may_win) and not (may_lose and has_enough):
             return behind
-        if may_lose and has_enough and dominates(task, other, row):
+        if may_lose and has_enough and dominates(task, other, row, must_charge):
             return _BEATEN
-        if may_win and not is_earlier and dominates(task, row, other):
+        if (
+            may_win
+            and not is_earlier
+            and dominates(task, row, other, _must_charge(task, memory, state, other))
+        ):
             memory.link[label, ALIVE] = 0
             if before < 0:
                 memory.state[state, column] = following
@@ -300,7 +317,7 @@ def _compare(
                 memory.label[before, NEXT] = following
         else:
             before = label
-            if other[TIME] > row[TIME]:
+            if other_rank > rank:
                 behind = label
         label = following
     return behind

@@ -76,7 +76,8 @@ class Task(NamedTuple):
     of flying and of charging the flown joules. ``flight_after[mask, j]`` and ``need_after[mask,
     j]`` bound the time after destination j is reached, inf where j may not be next;
     `approach_flight_after` and `approach_need_after` the time after the source is reached.
-    `s_per_j` is the least time to charge a joule.
+    `s_per_j` is the least time to charge a joule. `lag_s_per_j` is this time where a label that is
+    later may dominate, else 0 (see `dominance`).
 
     `begin_s` is the moment at which the drone stands at the start.
 
@@ -116,6 +117,7 @@ class Task(NamedTuple):
     reserve_j: float
     rounding_j: float
     s_per_j: float
+    lag_s_per_j: float
     stop_s: float
     stop_j: float
     loading_s: float

@@ -137,7 +137,9 @@ def task_of_trip(
     # See `exact_task`: a drone with less on board is never slower, uses no more energy, and is
     # never too early.
     is_lighter_better = terms.speed_full_mps[model] <= terms.speed_empty_mps[model]
-    compares_masks = is_lighter_better and not is_closed and not drops.may_pass
+    is_timed = is_closed or drops.may_pass
+    compares_masks = is_lighter_better and not is_timed
+    lag_s_per_j = s_per_j if terms.recharges_fully and not is_timed else 0.0
     return task_handle(
         Task(
             drops.row.copy(),
@@ -162,6 +164,7 @@ def task_of_trip(
             terms.reserve_j[model],
             terms.rounding_j[model],
             needs_s_per_j,
+            lag_s_per_j,
             stop_s,
             stop_j,
             loading_s,

@@ -50,14 +50,14 @@ def test_only_what_is_half_full_grows() -> None:
 
     larger = enlarged(memory)
 
-    assert (len(larger.label), len(larger.window_s), len(larger.row)) == (16, 8, 8)
+    assert (len(larger.label), len(larger.window_s), len(larger.row)) == (32, 8, 8)
 
 
 def test_the_memory_grows_when_one_station_needs_more_than_is_left() -> None:
     memory = new_memory(1, room=Room(places=8, arcs=8, windows=8, states=8, labels=8))
     memory.counts[WINDOWS] = 3
 
-    assert len(enlarged(memory).window_s) == 16
+    assert len(enlarged(memory).window_s) == 32
 
 
 def test_places_are_found_again_after_growing() -> None:

@@ -87,6 +87,19 @@ def test_comparing_larger_sets_of_deliveries_changes_only_the_effort() -> None:
     assert saved > 0
 
 
+def test_labels_that_may_be_later_change_only_the_effort() -> None:
+    recharges = 0
+    for seed in range(40):
+        problem = scarce_problem(seed, packages=2)
+        problem = problem.model_copy(update={"recharge_policy": "full"})
+
+        plan, other = compose(problem), _found(problem, Method(dominance="none"))
+
+        assert _end_alike(plan, other), seed
+        recharges += sum(step.kind == "RECHARGE" for step in plan.steps)
+    assert recharges > 30
+
+
 def test_a_first_search_for_any_plan_does_not_change_the_delivery_time() -> None:
     for seed in range(20):
         problem = scarce_problem(seed)

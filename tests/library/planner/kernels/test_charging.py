@@ -133,9 +133,52 @@ def test_a_dominating_label_has_at_least_as_much_charge_at_every_moment(
                 _charge_j(plain, task, one, s) - _charge_j(plain, task, other, s) for s in at_s
             ]
             expected = one[0] <= other[0] and min(leads) >= -1e-6
-            assert plain.dominance.dominates(task, one, other) == expected
+            assert plain.dominance.dominates(task, one, other, False) == expected
             dominating += expected
     assert dominating > len(rows)
+
+
+def test_a_label_that_is_later_dominates_only_if_its_drone_is_full_no_later_on_any_pad(
+    plain: SimpleNamespace, task: SimpleNamespace
+) -> None:
+    fastest = (500 - 40) / (0.55 * 100_000)
+    full = SimpleNamespace(**vars(task) | {"lag_s_per_j": fastest})
+    random = np.random.default_rng(5)
+    later = 0
+    for _ in range(300):
+        one, other = (_charged_to_the_top(task, random) for _ in range(2))
+        if one[0] > other[0] and plain.dominance.dominates(full, one, other, True):
+            later += 1
+            assert not plain.dominance.dominates(full, one, other, False)
+            for flight in random.uniform(0, 1, 50):
+                window = other[0] + np.cumsum(random.uniform(0, 2_500, 2))
+                full_at = [
+                    _full_at_s(plain, task, row, flight * (95_000 - other[5]), window)
+                    for row in (one, other)
+                ]
+                assert full_at[0] <= full_at[1]
+    assert later > 10
+
+
+def _charged_to_the_top(task: SimpleNamespace, random: np.random.Generator) -> NDArray[np.float64]:
+    end_s, top_j = task.curve_s[-1], task.curve_j[-1]
+    time_s, used_j = random.uniform(0, 800), random.uniform(0, 90_000)
+    return np.array([time_s, end_s, top_j, end_s, top_j, used_j, np.inf, -np.inf])
+
+
+def _full_at_s(
+    plain: SimpleNamespace,
+    task: SimpleNamespace,
+    row: NDArray[np.float64],
+    flown_j: float,
+    window: NDArray[np.float64],
+) -> float:
+    """When the drone is full on a pad that is free in this window; inf if it cannot be."""
+    level_j = row[4] - row[5] - flown_j
+    takes_s = task.curve_s[-1] - plain.charging.position_of(task, 0, level_j)
+    # The flight takes as long for all rows, so any number is as good as 0.
+    end_s = max(row[0], window[0]) + takes_s
+    return float(end_s) if end_s <= window[1] else np.inf
 
 
 def _label(
