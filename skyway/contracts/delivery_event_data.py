@@ -31,8 +31,8 @@ _DueAt = Annotated[
     FleetMoment | None,
     Field(
         description="The promise from which lateness counts: the P90 of the booking, or "
-        "`promised_at` if P50 was asked or no P90 was known, and later by the length of a window "
-        "or by `qos.may_be_later_s`. Fleet time."
+        "`promised_at` if P50 was asked or no P90 was known, later by "
+        "`qos.may_be_later_s`, or the end of the package's window. Fleet time."
     ),
 ]
 _DeliveredAt = Annotated[

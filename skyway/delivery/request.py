@@ -26,7 +26,8 @@ MAX_PACKAGE_MASS_KG = 1_000.0
 #: choice.
 _PRIORITY_WEIGHT: Final = 2.0
 
-#: The same of a delivery that may come at any moment of its windows, so that others come earlier.
+#: The same of a delivery whose packages may come at any moment of their windows, so that others
+#: come earlier.
 #: Our own choice.
 WINDOW_WEIGHT: Final = 0.1
 
@@ -192,29 +193,20 @@ class DeliveryRequest(RequestFor[Place, Package]):
     def kept_until(self, package_id: PackageId, promised_at: datetime) -> datetime:
         """The last moment that keeps the promise of a package: `promised_at` or later.
 
-        It is later by what the customer allows (`may_be_later_s`), or by the length of a window of
-        the pickup or the package if that is longer, up to the deadline and the end of the package's
-        window. A window has a length if it has both ends.
+        It is later by what the customer allows (`may_be_later_s`), or the end of the package's
+        window if it has both ends; but no later than the deadline and the end of the window. A
+        window of the pickup is a limit of the plan, and says nothing of when packages may come.
         """
         package = next(each for each in self.packages if each.package_id == package_id)
-        later = max(timedelta(seconds=self.qos.may_be_later_s), self._window_of(package))
+        allowed = promised_at + timedelta(seconds=self.qos.may_be_later_s)
         limits = [each for each in (self.qos.deadline_at, package.latest_at) if each is not None]
-        return max(promised_at, min([promised_at + later, *limits]))
-
-    def _window_of(self, package: Package) -> timedelta:
-        """The length of the longer window with both ends, of the pickup or the package; or zero."""
-        windows = (
-            (self.earliest_pickup_at, self.latest_pickup_at),
-            (package.not_before_at, package.latest_at),
-        )
-        lengths = (end - start for start, end in windows if start is not None and end is not None)
-        return max(lengths, default=timedelta())
+        return max(promised_at, min(limits if _has_window(package) else [allowed, *limits]))
 
     @property
     def weight(self) -> float:
         """How much a second until the last delivery counts when a fleet is planned."""
         weight = _PRIORITY_WEIGHT if self.qos.priority == "PRIORITY" else 1.0
-        return weight * (WINDOW_WEIGHT if all(map(self._window_of, self.packages)) else 1.0)
+        return weight * (WINDOW_WEIGHT if all(map(_has_window, self.packages)) else 1.0)
 
     @property
     def may_share_trip(self) -> bool:
@@ -238,3 +230,8 @@ class DeliveryRequest(RequestFor[Place, Package]):
     def payload_kg(self) -> float:
         """The mass of all packages together."""
         return sum(package.mass_kg for package in self.packages)
+
+
+def _has_window(package: Package) -> bool:
+    """Whether the package has a window for its hand-over with both ends."""
+    return package.not_before_at is not None and package.latest_at is not None

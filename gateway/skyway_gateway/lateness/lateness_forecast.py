@@ -202,7 +202,7 @@ def due_of(
 ) -> datetime:
     """The promise from which lateness counts: the P90 if asked and known, else the ETA.
 
-    It is later by a window's length, or by what the customer allows.
+    It is later by what the customer allows, or the end of the package's window.
     """
     promised_at = p90_at if p90_at is not None and request.qos.promise == "P90" else eta_at
     return request.kept_until(package_id, promised_at)

@@ -51,7 +51,7 @@ class OfferedPackage(PackageEta):
         FleetMoment | None,
         Field(
             description="What is promised: `eta_p90_at`, or `eta_at` if `qos.promise` is P50 or "
-            "no P90 is known, and later by the length of a window or by `qos.may_be_later_s`."
+            "no P90 is known, later by `qos.may_be_later_s`, or the end of the package's window."
         ),
     ] = None
 

@@ -1,7 +1,6 @@
 """A delivery with a window is promised whole, wherever its promise is read."""
 
 from datetime import datetime, timedelta
-from typing import Any
 
 import pytest
 from skyway_gateway.delivery_tables import packages
@@ -14,30 +13,24 @@ pytestmark = pytest.mark.databases("sqlite")
 _LENGTH = timedelta(minutes=30)
 
 
-def _window(gateway: Gateway) -> dict[str, Any]:
-    """A window for the pickup."""
+def _window(gateway: Gateway) -> dict[str, str]:
+    """A window for the hand-over."""
     begins_at = gateway.clock.now() + timedelta(hours=2)
     return {
-        "earliest_pickup_at": begins_at.isoformat(),
-        "latest_pickup_at": (begins_at + _LENGTH).isoformat(),
+        "not_before_at": begins_at.isoformat(),
+        "latest_at": (begins_at + _LENGTH).isoformat(),
     }
 
 
 async def _booked(gateway: Gateway) -> str:
-    delivery_id = await gateway.accepted(**_window(gateway))
+    delivery_id = await gateway.accepted(window=_window(gateway))
     while await gateway.book_next():
         pass
     return delivery_id
 
 
-def _width(package: dict[str, Any]) -> timedelta:
-    """From when a package is expected until it is due."""
-    due_at, eta_at = (datetime.fromisoformat(package[name]) for name in ("due_at", "eta_at"))
-    return due_at - eta_at
-
-
 async def test_a_window_is_promised_in_offers_deliveries_and_events(gateway: Gateway) -> None:
-    body = make_request(**_window(gateway))
+    body = make_request(window=_window(gateway))
     quote = await gateway.http.post("/v1/quotes", json=body, headers=gateway.customer)
     delivery_id = await _booked(gateway)
 
@@ -47,7 +40,8 @@ async def test_a_window_is_promised_in_offers_deliveries_and_events(gateway: Gat
         each for each in await gateway.events(delivery_id) if each["type"] == "delivery.planned"
     ]
     [notified] = planned["data"]["packages"]
-    assert [_width(each) for each in (offered, promised, notified)] == [_LENGTH] * 3
+    due_at = [datetime.fromisoformat(each["due_at"]) for each in (offered, promised, notified)]
+    assert due_at == [datetime.fromisoformat(body["packages"][0]["latest_at"])] * 3
     assert await gateway.verified() == []
 
 

@@ -11,6 +11,9 @@ from skyway.ids import PackageId, ProviderId
 ASKED_AT = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
 
+WINDOW = {"not_before_at": ASKED_AT, "latest_at": ASKED_AT + timedelta(hours=1)}
+
+
 def make_request(**changes: Any) -> dict[str, Any]:
     return {
         "pickup": {"station_id": "a"},
@@ -135,11 +138,12 @@ def test_a_request_that_waits_for_others_begins_later(
         ({}, 70, 70),
         ({"pickup": (None, 30)}, 70, 70),
         ({"pickup": (0, None)}, 70, 70),
-        ({"pickup": (0, 30)}, 70, 100),
-        ({"pickup": (0, 30), "deadline": 90}, 70, 90),
-        ({"pickup": (0, 30), "deadline": 60}, 70, 70),
-        ({"pickup": (0, 30), "may_be_later_s": 600}, 70, 100),
-        ({"pickup": (0, 30), "may_be_later_s": 3_600}, 70, 130),
+        # A shop's hours at the pickup say nothing of when packages may come.
+        ({"pickup": (0, 30)}, 70, 70),
+        ({"pickup": (0, 30), "may_be_later_s": 600}, 70, 80),
+        ({"may_be_later_s": 3_600, "deadline": 90}, 70, 90),
+        ({"may_be_later_s": 3_600, "deadline": 60}, 70, 70),
+        ({"package": (60, 90), "deadline": 80}, 70, 80),
         ({"package": (None, 90)}, 70, 70),
         ({"package": (60, 90)}, 60, 90),
         ({"package": (60, 90)}, 85, 90),
@@ -177,14 +181,11 @@ def test_a_promise_is_kept_until_the_end_of_the_window(
     [
         ({}, {}, 1.0),
         ({}, {"priority": "PRIORITY"}, 2.0),
-        ({"latest_pickup_at": ASKED_AT}, {}, 1.0),
-        ({"earliest_pickup_at": ASKED_AT}, {}, 1.0),
+        ({"earliest_pickup_at": ASKED_AT, "latest_pickup_at": ASKED_AT}, {}, 1.0),
+        ({"packages": [{**make_package(), "latest_at": ASKED_AT}]}, {}, 1.0),
         ({}, {"may_be_later_s": 600}, 1.0),
-        (
-            {"earliest_pickup_at": ASKED_AT, "latest_pickup_at": ASKED_AT + timedelta(hours=1)},
-            {"priority": "PRIORITY"},
-            0.2,
-        ),
+        ({"packages": [{**make_package(), **WINDOW}]}, {"priority": "PRIORITY"}, 0.2),
+        ({"packages": [{**make_package(), **WINDOW}, make_package("p2")]}, {}, 1.0),
     ],
 )
 def test_a_second_of_a_delivery_counts_little_if_its_window_is_promised(

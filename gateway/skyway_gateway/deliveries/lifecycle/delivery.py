@@ -153,8 +153,8 @@ class PackageStatus(JsonModel):
         FleetMoment | None,
         Field(
             description="The promise from which lateness counts: `promised_p90_at`, or "
-            "`promised_at` if the request's `qos.promise` is P50 or no P90 was known, and later "
-            "by the length of a window or by `qos.may_be_later_s`."
+            "`promised_at` if the request's `qos.promise` is P50 or no P90 was known, later "
+            "by `qos.may_be_later_s`, or the end of the package's window."
         ),
     ] = None
     eta_at: Annotated[

@@ -96,10 +96,10 @@ class DeliveryNumbers(JsonModel):
     """Numbers of a set of deliveries.
 
     A package is on time when it is handed over at most a minute after its `due_at`, which is the
-    promised P90, or the promised P50 if the customer asked for that, and later by a window's length
-    or by what the customer allows (`may_be_later_s`). Times of completed deliveries count from the
-    planned start to the last hand-over. Shares are parts of that time over all missions; the
-    remaining part is loading, handing over and starting late.
+    promised P90, or the promised P50 if the customer asked for that, later by what the customer
+    allows (`may_be_later_s`), or the end of the package's window. Times of completed deliveries
+    count from the planned start to the last hand-over. Shares are parts of that time over all
+    missions; the remaining part is loading, handing over and starting late.
     """
 
     deliveries: Annotated[int, Field(description="How many deliveries were requested.")]
@@ -115,7 +115,7 @@ class DeliveryNumbers(JsonModel):
         int,
         Field(
             description="How many of them had a `promised_p90_at`, and customers who allow nothing "
-            "later (a window or `may_be_later_s`)."
+            "later (by a package's window or `may_be_later_s`)."
         ),
     ]
     p90_share: Annotated[
@@ -266,7 +266,7 @@ class PromisesOfSpan(JsonModel):
         int,
         Field(
             description="How many packages with a `promised_p90_at` were delivered, without those "
-            "whose customers allow more (a window or `may_be_later_s`)."
+            "whose customers allow more (by a package's window or `may_be_later_s`)."
         ),
     ]
     p90_share: Annotated[

@@ -1,6 +1,7 @@
 """A chain of missions on the first drone of a busy world, and what was reported about them."""
 
 from collections import Counter
+from collections.abc import Mapping
 from datetime import datetime, timedelta
 from typing import Any, Final
 
@@ -21,9 +22,14 @@ CHAIN: Final = {
 
 
 def request(
-    delivery_id: str, pickup: str, *to: str, proof: object = None, **members: Any
+    delivery_id: str,
+    pickup: str,
+    *to: str,
+    proof: object = None,
+    window: Mapping[str, datetime] | None = None,
+    **members: Any,
 ) -> DeliveryRequest:
-    """One package of 400 g for each of these destinations; all need this proof."""
+    """One package of 400 g for each destination; all need this proof and have this window."""
     return DeliveryRequest.model_validate(
         {
             "pickup": {"station_id": pickup},
@@ -33,6 +39,7 @@ def request(
                     "mass_kg": 0.4,
                     "destination": {"station_id": each},
                     "dropoff_verification": proof,
+                    **(window or {}),
                 }
                 for number, each in enumerate(to, 1)
             ],

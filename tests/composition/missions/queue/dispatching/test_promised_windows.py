@@ -27,9 +27,9 @@ async def test_a_delivery_comes_later_within_its_window_if_another_gains_more(
     world: BusyWorld,
 ) -> None:
     now = world.clock.now()
-    window = {"earliest_pickup_at": now, "latest_pickup_at": now + timedelta(hours=4)}
+    window = {"not_before_at": now, "latest_at": now + timedelta(hours=4)}
 
-    outcome, later = await _after_a_search(world, **window)
+    outcome, later = await _after_a_search(world, window=window)
 
     assert outcome == "adopted"
     assert timedelta() < later < timedelta(hours=4)
