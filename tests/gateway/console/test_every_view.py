@@ -36,7 +36,7 @@ VIEWS = {
     "provider": {
         "home": "Next maintenance",
         "fleet/loading": "Confirm loading",
-        "fleet/exchanges": "What happened",
+        "fleet/exchanges": "left today",
         "statements": MARKUP,
     },
     "customer": {
