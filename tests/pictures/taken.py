@@ -44,7 +44,7 @@ def _stage(browser: Browser, world: RecordedWorld, role: str, screen: Screen) ->
     answers: dict[str, Any] = {path: _answered(world, role, path) for path in paths}
     # The views were read one after the other, and each read the clock: one moment holds for all.
     answers["/v1/clock"] = {"now": world.now, "rate": world.rate}
-    staged = StagedPage(browser, answers, context=context)
+    staged = StagedPage(browser, answers, context=context, draws_maps=True)
     staged.page.add_init_script(_READ_ONCE)
     staged.page.clock.set_fixed_time(world.wall_ms / 1000)
     return staged

@@ -102,6 +102,7 @@ class StagedPage:
         answers: dict[str, Answer],
         *,
         context: BrowserContext | None = None,
+        draws_maps: bool = False,
     ) -> None:
         self.answers: dict[str, Answer] = {
             "/v1/clock": {"now": "2026-03-01T12:00:00Z", "rate": 1.0},
@@ -115,7 +116,8 @@ class StagedPage:
         opened = context or free_context(browser, timezone_id="UTC")
         self.page: Page = opened.new_page()
         self.page.add_init_script(_STREAMS)
-        self.page.add_init_script(_UNDRAWN)
+        if not draws_maps:
+            self.page.add_init_script(_UNDRAWN)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.route("**/*", self._answer)
 
