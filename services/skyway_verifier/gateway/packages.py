@@ -395,7 +395,6 @@ PACKAGES: Final = (
         "a package is due at the moment that was promised",
         rows_where(_DUE_LATER, _is_due_otherwise, *_NAMES),
         "Set `due_ms` to `promised_p90_ms`, or `promised_ms` without it or with `promise` P50, and "
-        "add what the request allows (`may_be_later_s`), up to the deadline and `latest_at`. With "
-        "`not_before_at` and `latest_at` set it to `latest_at`, or to an earlier deadline.",
+        "add `may_be_later_s`; or to the end of its window. Go no further than the deadline.",
     ),
 )
