@@ -25,8 +25,8 @@ from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.signing.key_pair import PrivateKey
 
-#: Wall seconds: how long a rogue waits for an answer, and between two messages on the broker. A busy
-#: machine may stand still for a quarter of a minute.
+#: Wall seconds: how long a rogue waits for an answer, and between two messages on the broker.
+#: A busy machine may stand still for a quarter of a minute.
 _ANSWER_WITHIN_S: Final = 60.0
 _BETWEEN_MESSAGES_S: Final = 0.02
 _CONNECTS_WITHIN_S: Final = 2.0
