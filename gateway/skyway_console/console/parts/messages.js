@@ -11,7 +11,7 @@ let last = 0;
 
 const forget = (gone) => (shown.value = shown.value.filter(({id}) => id !== gone));
 
-// `undo` is called when somebody thinks again. A refusal stays until it is read or something else is said.
+// `undo` is called when somebody thinks again. A refusal stays until it is closed or something else is said.
 export function say(text, kind = "done", undo = null) {
   const id = (last += 1);
   shown.value = [...shown.value.filter((each) => each.kind !== "refused"), {id, text, kind, undo}];
