@@ -21,7 +21,7 @@ from skyway_client.api.deliveries import (
 )
 from skyway_client.api.quotes import create_quote
 from skyway_client.api.statements import list_statements
-from skyway_client.api.webhooks import create_webhook
+from skyway_client.api.webhooks import create_webhook, delete_webhook
 from skyway_client.delivery_events import DeliveryEvent
 from skyway_client.models import (
     CustomerPackage,
@@ -119,7 +119,8 @@ def main() -> None:
     server = HTTPServer(("127.0.0.1", 0), Shop)
     with Skyway(url, key) as skyway:
         hook = NewWebhook(url=f"http://127.0.0.1:{server.server_port}/skyway")
-        Shop.secret = skyway.send(create_webhook(body=hook)).secret
+        issued = skyway.send(create_webhook(body=hook))
+        Shop.secret = issued.secret
         threading.Thread(target=server.serve_forever, daemon=True).start()
         delivery = order(skyway, start, end)
         events = follow(skyway, delivery.delivery_id)
@@ -130,6 +131,8 @@ def main() -> None:
         assert package.dropoff_proof.given_by == "RECIPIENT"
         assert Shop.has_last.wait(LONGEST_WAIT_S)
         assert spent(skyway, events[-1]) > 0
+        # Whoever gets this port next must not be notified.
+        skyway.send(delete_webhook(issued.webhook_id))
     server.shutdown()
     assert asyncio.run(look_back(url, key, delivery.delivery_id)) == events
     assert Shop.received == [event.type_ for event in events]

@@ -27,7 +27,8 @@ const isCompleted = once(server, 'completed')
 await once(server.listen(0, '127.0.0.1'), 'listening')
 const { port } = server.address() as AddressInfo
 const hook = { url: `http://127.0.0.1:${port}/skyway` }
-secret = (await answer(skyway.api.POST('/v1/webhooks', { body: hook }))).secret
+const issued = await answer(skyway.api.POST('/v1/webhooks', { body: hook }))
+secret = issued.secret
 
 // It asks for offers, and accepts the best one, once.
 const dropoff_verification = { method: 'PIN' as const, wait_s: 900 }
@@ -79,6 +80,9 @@ const statements = (cursor: string | null) =>
 let spent = 0
 for await (const { amount } of each(statements)) spent += amount
 assert(spent > 0)
+// Whoever gets this port next must not be notified.
+const ours = { params: { path: { webhook_id: issued.webhook_id } } }
+await skyway.api.DELETE('/v1/webhooks/{webhook_id}', ours)
 console.log(states.get(delivery_id))
 server.close()
 server.closeAllConnections()

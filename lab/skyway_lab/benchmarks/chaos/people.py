@@ -25,7 +25,7 @@ async def add_webhooks(
     """A webhook for each customer; returns the webhooks' ids by the customers' keys."""
     ids = {}
     for customer in world.customers:
-        target = {"url": f"{url}/{customer.name}"}
+        target = {"url": url + server.path_of(customer.name)}
         issued = await api.call("POST", "/v1/webhooks", key=customer.key, body=target)
         server.add(customer.name, issued["secret"])
         ids[customer.key] = issued["webhook_id"]

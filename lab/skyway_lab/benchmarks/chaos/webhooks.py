@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import hmac
+import secrets
 import time
 from collections import defaultdict
 from collections.abc import Mapping
@@ -19,16 +20,21 @@ _HOST: Final = "127.0.0.1"
 
 
 class WebhookServer:
-    """An HTTP server on loopback; each customer has a path and a secret."""
+    """An HTTP server on loopback; each customer has a path and a secret.
+
+    Another system may still notify whoever had this port before. The paths of a run are its own,
+    and calls of any other path are answered 404.
+    """
 
     def __init__(self) -> None:
+        self._run = secrets.token_hex(8)
         self._secrets: dict[str, str] = {}
         self._runner: web.AppRunner | None = None
         self.received: dict[DeliveryId, list[Received]] = defaultdict(list)
 
     async def __aenter__(self) -> Self:
         app = web.Application()
-        app.router.add_post("/{customer}", self._answer)
+        app.router.add_post(f"/{self._run}/{{customer}}", self._answer)
         self._runner = web.AppRunner(app, access_log=None)
         await self._runner.setup()
         await web.TCPSite(self._runner, _HOST, 0).start()
@@ -45,6 +51,10 @@ class WebhookServer:
             raise RuntimeError("the webhooks' server is not started")
         port: int = self._runner.addresses[0][1]
         return (_HOST, port)
+
+    def path_of(self, customer: str) -> str:
+        """Where this customer's notifications must be sent."""
+        return f"/{self._run}/{customer}"
 
     def add(self, customer: str, secret: str) -> None:
         """Check the signatures at this customer's path with this secret."""
