@@ -68,14 +68,18 @@ class _Recorder:
         self._answers: dict[str, dict[str, Any]] = {}
 
     def recorded(self) -> RecordedWorld:
-        """The world as it is now."""
-        shown = self._shown()
+        """The world as it is now.
+
+        A second may be a minute of the world, so everybody is logged in before the first look.
+        """
         roles = ("operator", "provider", "customer")
+        pages = {role: self._logged_in(role) for role in roles}
+        pages["link"] = self._new_page("link")
+        shown = self._shown()
         streams = {role: dict(self._events(role, shown)) for role in roles}
         wall_ms, clock = int(1000 * time.time()), self._ask("operator", "/v1/clock")
-        for role in ("link", *roles):
-            self._answers[role] = {}
-            self._look(role, shown)
+        for role, page in pages.items():
+            self._look(role, page, shown)
         return RecordedWorld(clock["now"], clock["rate"], wall_ms, shown, self._answers, streams)
 
     def _headers(self, role: str) -> dict[str, str]:
@@ -87,21 +91,27 @@ class _Recorder:
         return answer.raise_for_status().json()
 
     def _shown(self) -> dict[str, str]:
-        """A drone that flies to a customer, its delivery, its tracking page, and its landing."""
+        """The drone that flies longest to its next customer, and what the addresses name of it."""
         picture = dict(self._first_events("operator", LIVE))["snapshot"]
+        flights = []
         for delivery_id, delivery in picture["deliveries"].items():
-            missions = [picture["missions"].get(each, {}) for each in delivery["mission_ids"]]
-            for drone_id in (mission.get("drone_id") for mission in missions):
+            on_board = [p for p in delivery["packages"].values() if p["state"] == "IN_TRANSIT"]
+            for mission in (picture["missions"].get(each, {}) for each in delivery["mission_ids"]):
+                drone_id = mission.get("drone_id")
                 landing = picture["drones"].get(drone_id, {}).get("next_landing")
-                if delivery["state"] == "IN_PROGRESS" and landing:
-                    link = self._ask("operator", f"/v1/deliveries/{delivery_id}/tracking-link")
-                    return {
-                        "drone": drone_id,
-                        "station": landing["station_id"],
-                        "delivery": delivery_id,
-                        "link": urlsplit(link["tracking_url"]).path.removeprefix("/track/"),
-                    }
-        raise RuntimeError("No drone carries a package now. Record again.")
+                if on_board and landing:
+                    next_at = min(each["eta_at"] for each in on_board)
+                    flights.append((next_at, delivery_id, drone_id, landing["station_id"]))
+        if not flights:
+            raise RuntimeError("No drone carries a package now. Record again.")
+        _, delivery_id, drone_id, station_id = max(flights)
+        link = self._ask("operator", f"/v1/deliveries/{delivery_id}/tracking-link")
+        return {
+            "drone": drone_id,
+            "station": station_id,
+            "delivery": delivery_id,
+            "link": urlsplit(link["tracking_url"]).path.removeprefix("/track/"),
+        }
 
     def _first_events(self, role: str, path: str) -> list[tuple[str, Any]]:
         """The events that a stream sends when it is opened, as kind and JSON."""
@@ -129,25 +139,33 @@ class _Recorder:
         """By address: the first events of the streams that this role's views open."""
         paths = [LIVE]
         if role != "provider":
-            paths.append(f"/v1/deliveries/{shown['delivery']}/events")
+            paths.insert(0, f"/v1/deliveries/{shown['delivery']}/events")
         for path in paths:
             yield path, self._first_events(role, path)
 
-    def _look(self, role: str, shown: dict[str, str]) -> None:
+    def _new_page(self, role: str) -> Page:
+        self._answers[role] = {}
+        return self._browser.new_page(locale="en-GB", timezone_id="UTC")
+
+    def _logged_in(self, role: str) -> Page:
+        """The console of this role, whose answers are kept from now on."""
+        page = self._new_page(role)
+        page.goto(f"{self._gateway}/console")
+        page.fill("#key", self._keys[f"SKYWAY_{role.upper()}_KEY"])
+        page.press("#key", "Enter")
+        page.wait_for_selector("nav")
+        page.wait_for_timeout(_ASKED_WITHIN_MS)
+        page.on("response", partial(self._keep, role))
+        page.reload()  # asks who is logged in
+        self._wait(page, role)
+        return page
+
+    def _look(self, role: str, page: Page, shown: dict[str, str]) -> None:
         """Open all views of this role, one after the other."""
-        page = self._browser.new_page(locale="en-GB", timezone_id="UTC")
-        keep = partial(self._keep, role)
         if role == "link":
-            page.on("response", keep)
+            page.on("response", partial(self._keep, role))
             page.goto(f"{self._gateway}/track/{shown['link']}")
             self._wait(page, role)
-        else:
-            page.goto(f"{self._gateway}/console")
-            page.fill("#key", self._keys[f"SKYWAY_{role.upper()}_KEY"])
-            page.press("#key", "Enter")
-            page.wait_for_selector("nav")
-            page.on("response", keep)
-            page.reload()  # asks who is logged in
         for seen_by, address in VIEWS.values():
             if seen_by == role != "link":
                 page.evaluate("to => { location.hash = to }", f"#/{address.format(**shown)}")

@@ -23,15 +23,16 @@ SCREENS: Final = {
 }
 
 #: By the name of the picture: the role that sees the view, and the view's address. The names in
-#: braces are those of `RecordedWorld.shown`.
+#: braces are those of `RecordedWorld.shown`. A recording looks at them in this order while drones
+#: fly on, so views that must agree come first.
 VIEWS: Final = {
+    "delivery": ("operator", "deliveries/{delivery}"),
     "drone": ("operator", "map/drone/{drone}"),
     "home": ("operator", "home"),
     "map": ("operator", "map"),
     "station": ("operator", "map/station/{station}"),
     "schedule": ("operator", "schedule"),
     "deliveries": ("operator", "deliveries"),
-    "delivery": ("operator", "deliveries/{delivery}"),
     "fleet": ("operator", "fleet"),
     "alarms": ("operator", "alarms"),
     "statements": ("operator", "statements"),
