@@ -4,7 +4,7 @@ import secrets
 from collections.abc import Mapping
 from datetime import timedelta
 from functools import partial
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from skyway.announced_networks import CachedNetworks, NetworkLearner, stations_from
 from skyway.cells import CellClients
@@ -53,7 +53,6 @@ from skyway_gateway.places.http_geocoder import HttpGeocoder
 from skyway_gateway.places.locate import Locator
 from skyway_gateway.places.serve import PlaceServer
 from skyway_gateway.places.station_map import StationMap
-from skyway_gateway.proofs.photo_store import PhotoStore
 from skyway_gateway.proofs.upload_links import UPLOAD_PATHS, UploadLinks
 from skyway_gateway.quotes.make_quote import HoldLimits
 from skyway_gateway.quotes.store import keep_network
@@ -67,6 +66,9 @@ from skyway_gateway.short_wait import ShortWait
 from skyway_gateway.tables import outbox, replicas
 from skyway_gateway.tracking.pages import TrackingPages
 from skyway_gateway.tracking_links import TRACKING_PATHS, TrackingLinks
+
+if TYPE_CHECKING:
+    from skyway_gateway.proofs.photo_store import PhotoStore
 
 #: Quotes and problems of one tenant that are planned at the same time.
 _QUOTES_PER_TENANT: Final = 2
@@ -262,8 +264,13 @@ def _place_server(
     return PlaceServer(locator, stations, composition, ShortWait())
 
 
-def _photo_store(settings: GatewaySettings) -> PhotoStore | None:
-    return None if settings.proof_store is None else PhotoStore(settings.proof_store)
+def _photo_store(settings: GatewaySettings) -> "PhotoStore | None":
+    if settings.proof_store is None:
+        return None
+    # Imported here: its library takes 4 MiB, which only photos need.
+    from skyway_gateway.proofs.photo_store import PhotoStore
+
+    return PhotoStore(settings.proof_store)
 
 
 def _slot_limits(settings: GatewaySettings) -> SlotLimits:

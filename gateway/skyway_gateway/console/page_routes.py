@@ -63,7 +63,7 @@ def console_routes(*, base_map: BaseMap) -> ServiceRouter:
 
 @cache
 def _bundled_network() -> bytes:
-    # Imported here: networks need NumPy, and nothing else in the gateway does.
+    # Imported here: networks need NumPy, which a gateway that serves requests does without.
     from skyway.network.bundled import texas_corridor
     from skyway.network.geojson import write_network
 

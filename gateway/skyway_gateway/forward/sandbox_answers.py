@@ -8,7 +8,6 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from skyway.network.geojson import write_network
 from skyway.runtime.errors import AccessDenied, NotFound
 from skyway_gateway.sandbox.fleets import PROVIDERS
 from skyway_gateway.sandbox.network import NETWORK_ID, STATIONS, sandbox_network
@@ -50,6 +49,9 @@ def _networks() -> _Json:
 
 
 def _network() -> _Json:
+    # Imported here, as in `sandbox_network`.
+    from skyway.network.geojson import write_network
+
     return write_network(sandbox_network())
 
 

@@ -3,8 +3,6 @@
 from io import BytesIO
 from typing import Final
 
-from PIL import Image, ImageOps
-
 from skyway.errors import InvalidInput
 
 #: The most bytes of an upload, and the most pixels of a side.
@@ -18,9 +16,6 @@ _QUALITY: Final = 85
 
 _TOO_LARGE: Final = f"must have at most {MOST_PIXELS} by {MOST_PIXELS} pixels"
 
-#: What Pillow raises for broken pictures.
-_BROKEN: Final = (OSError, SyntaxError, ValueError, EOFError, Image.DecompressionBombError)
-
 
 def cleaned(raw: bytes) -> bytes:
     """The photo as a JPEG without metadata, upright; blocks for up to a second.
@@ -30,12 +25,17 @@ def cleaned(raw: bytes) -> bytes:
     InvalidInput
         It is no JPEG, PNG or WebP, is broken, or has too many pixels.
     """
+    # Imported here: most gateways get no photos.
+    from PIL import Image, ImageOps
+
+    # What Pillow raises for broken pictures.
+    broken = (OSError, SyntaxError, ValueError, EOFError, Image.DecompressionBombError)
     try:
         # Only its size and form are read yet.
         picture = Image.open(BytesIO(raw), formats=[*MEDIA_TYPES.values()])
     except (Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
         raise InvalidInput("body", f"the photo {_TOO_LARGE}") from error
-    except _BROKEN as error:
+    except broken as error:
         raise InvalidInput("body", "is no photo: it must be a JPEG, PNG or WebP") from error
     width, height = picture.size
     if max(width, height) > MOST_PIXELS:
@@ -46,6 +46,6 @@ def cleaned(raw: bytes) -> bytes:
         # A new picture has no metadata, which JPEG would keep.
         upright.info.clear()
         upright.save(made, "JPEG", quality=_QUALITY)
-    except _BROKEN as error:
+    except broken as error:
         raise InvalidInput("body", "the photo is broken or cut off") from error
     return made.getvalue()

@@ -1,13 +1,16 @@
 """The network of the sandbox: a hub, and stations on a ring around it."""
 
 from math import cos, pi, sin
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from skyway.contracts.station_check import NetworkStations
 from skyway.geo import Position, distance_m
 from skyway.ids import NetworkId, StationId
-from skyway.network.network import Network, Segment, Station
+from skyway.network.parts import Segment, Station
 from skyway_gateway.sandbox.outcomes import OUTCOMES
+
+if TYPE_CHECKING:
+    from skyway.network.network import Network
 
 NETWORK_ID: Final = NetworkId("test_island")
 CURRENCY: Final = "USD"
@@ -60,8 +63,11 @@ def length_m(start: StationId, end: StationId) -> float:
     return distance_m(STATIONS[start].position, STATIONS[end].position)
 
 
-def sandbox_network() -> Network:
+def sandbox_network() -> "Network":
     """The network as operators would publish it."""
+    # Imported here: networks need NumPy, and most gateways never show this one.
+    from skyway.network.network import Network
+
     hub, others = HUB.station_id, [each for each in STATIONS if each != HUB.station_id]
     pairs = [pair for each in others for pair in ((hub, each), (each, hub))]
     settings = {"currency": CURRENCY, "loading_s": LOADING_S, "dropoff_s": DROPOFF_S}

@@ -16,15 +16,22 @@ print(json.dumps(sorted(name for name, module in sys.modules.items() if module i
 """
 
 
-@pytest.mark.parametrize(
-    "app", ["skyway_gateway.app", "skyway_provider_registry.app", "skyway_composition.app"]
-)
-def test_a_service_loads_neither_a_command_line_nor_the_driver_of_a_server(app: str) -> None:
+def loaded_with(app: str) -> set[str]:
+    """All modules of a process that serves this app."""
     run = subprocess.run(
         [sys.executable, "-c", _LOADED, app], capture_output=True, text=True, check=True
     )
-
     loaded = set(json.loads(run.stdout))
-
     assert app in loaded
-    assert not loaded & {"click", "rich", "pygments", "asyncpg"}
+    return loaded
+
+
+@pytest.mark.parametrize("app", ["skyway_provider_registry.app", "skyway_composition.app"])
+def test_a_service_loads_neither_a_command_line_nor_the_driver_of_a_server(app: str) -> None:
+    assert not loaded_with(app) & {"click", "rich", "pygments", "asyncpg"}
+
+
+def test_the_gateway_loads_neither_arrays_nor_what_only_photos_need() -> None:
+    loaded = loaded_with("skyway_gateway.app")
+
+    assert not loaded & {"click", "rich", "pygments", "asyncpg", "numpy", "obstore", "PIL"}

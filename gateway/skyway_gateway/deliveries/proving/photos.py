@@ -7,6 +7,7 @@ in between, no photo is left that nobody would erase.
 import asyncio
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from skyway.errors import InvalidInput
 from skyway.ids import DeliveryId, PackageId
@@ -15,8 +16,10 @@ from skyway.runtime.sql.database import Database
 from skyway_gateway.deliveries.proving.accept_proof import ProofAcceptance
 from skyway_gateway.proofs import store as proof_store
 from skyway_gateway.proofs.photo import cleaned
-from skyway_gateway.proofs.photo_store import PhotoStore
 from skyway_gateway.proofs.store import PackageKey
+
+if TYPE_CHECKING:
+    from skyway_gateway.proofs.photo_store import PhotoStore
 
 #: Photos that are decoded at the same time: each may need 50 MB of memory meanwhile.
 _DECODED_AT_ONCE = 2
@@ -28,11 +31,11 @@ class Photos:
 
     db: Database
     clock: FleetClock
-    store: PhotoStore | None
+    store: "PhotoStore | None"
     proofs: ProofAcceptance
     _turns: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(_DECODED_AT_ONCE))
 
-    def require_store(self, field_name: str) -> PhotoStore:
+    def require_store(self, field_name: str) -> "PhotoStore":
         """The store.
 
         Raises
