@@ -80,7 +80,7 @@ const statements = (cursor: string | null) =>
 let spent = 0
 for await (const { amount } of each(statements)) spent += amount
 assert(spent > 0)
-// Whoever gets this port next must not be notified.
+// The next owner of this port must not be notified.
 const ours = { params: { path: { webhook_id: issued.webhook_id } } }
 await skyway.api.DELETE('/v1/webhooks/{webhook_id}', ours)
 console.log(states.get(delivery_id))
