@@ -163,6 +163,7 @@ def task_of(
     first_stop_s, first_stop_j = model.stop_s + loading_s, model.stop_j
     if situation.windows.may_pass:
         first_stop_s, first_stop_j = loading_s, 0.0
+    stops_s = first_stop_s + len(situation.destinations) * (model.stop_s + problem.dropoff_s)
     windows = windows_of(situation, legs, flight, loading_s=loading_s, apart_m=apart_m)
     powers = situation.network.pad_powers
     curves = curves_of(model, powers)
@@ -189,7 +190,9 @@ def task_of(
         reserve_j=model.reserve_soc * model.battery_j,
         rounding_j=rounding_j(model),
         s_per_j=need.weights.per_joule,
-        lag_s_per_j=_lag_s_per_j(situation),
+        lag_s_per_j=_lag_s_per_j(situation, method),
+        flown_j_of_need=_flown_j_of_need(flight, need),
+        need_of_stops=need.weights.per_second * stops_s,
         stop_s=model.stop_s,
         stop_j=model.stop_j,
         loading_s=loading_s,
@@ -205,16 +208,24 @@ def task_of(
     )
 
 
-def _lag_s_per_j(situation: Situation) -> float:
+def _lag_s_per_j(situation: Situation, method: Method) -> float:
     """How much later a label may be than a label that it dominates, for each joule more.
 
-    That is 0 where sessions may end below the top, and where the moment of a flight matters.
+    That is 0 where the moment of a flight matters, and where sessions end at some levels only.
     """
-    problem = situation.problem
     is_timed = situation.windows.may_pass or situation.closures.intervals()
-    if problem.recharge_policy != "full" or is_timed or problem.weather is not None:
+    if method.charging != "lazy" or is_timed or situation.problem.weather is not None:
         return 0.0
     return fastest_s_per_soc(situation.fastest_model) / situation.model.battery_j
+
+
+def _flown_j_of_need(flight: Bound, need: Bound) -> float:
+    """The least joules flown for each unit of a need, apart from its stops."""
+    if need.weights.per_second == 0.0:
+        return 1.0
+    if need.weights.per_joule == 0.0:
+        return 0.0
+    return float((1.0 - flight.per_m / need.per_m).min()) / need.weights.per_joule
 
 
 def _compares_masks(situation: Situation) -> bool:

@@ -32,23 +32,31 @@ def rank_s(task: Task, row: Floats) -> float:
 
 
 @kernel
-def dominates(task: Task, one: Floats, other: Floats, must_charge: bool) -> bool:
+def dominates(task: Task, one: Floats, other: Floats, missing_j: float) -> bool:
     """Whether `one` has at least the charge of `other` at each moment of `other`.
 
     Both are rows of `Memory.label`. If all pads have one concave charge curve, two labels cannot
     cross between the first and the last moment: it is enough to compare these two moments. On
     different curves the lead is least at one of these moments, or where the curve of `other` bends.
 
-    If the drone of `other` must charge to the top once more, `one` may be later: by as much as
-    charging the difference takes at the fastest rate. Its drone then takes the same pads, where it
-    is full no later.
+    If the drone of `other` must still charge `missing_j` on later pads, `one` may be later: by as
+    much as charging the difference takes at the fastest rate. Its drone then takes the same pads,
+    where it has as much charge no later. If sessions may end below the top, it leaves out those
+    that are over when it arrives, so charging `missing_j` must take as long.
     """
     later_s = other[TIME] - one[TIME]
     if one[LATEST] < other[LATEST] - SAME_S:
         return False
-    if later_s < -SAME_S and not (must_charge and rank_s(task, one) < rank_s(task, other) - SAME_S):
-        return False
     least_j = task.rounding_j * SAME_SHARE
+    if later_s < -SAME_S:
+        if missing_j <= task.rounding_j or rank_s(task, one) >= rank_s(task, other) - SAME_S:
+            return False
+        if not task.recharges_fully:
+            difference_j = -later_s / task.lag_s_per_j
+            if missing_j < difference_j + task.rounding_j:
+                return False
+            # Of labels that are exactly as good the first one stays, as without this rule.
+            least_j -= difference_j + task.rounding_j
     lead_at_end_j = (one[LAST_LEVEL] - one[USED]) - (other[LAST_LEVEL] - other[USED])
     if lead_at_end_j < -least_j:
         return False

@@ -209,7 +209,7 @@ def is_behind(task: Task, memory: Memory, label: int) -> bool:
     count = int64(task.destinations.size)
     if memory.state[state, STATE_MASK] == int64(1) << count:
         return False
-    must_charge = _must_charge(task, memory, state, row)
+    missing_j = _missing_j(task, memory, state, row)
     # The processor loads all of them together, and does not wait for one after another.
     for number in range(count):
         if memory.state_ahead[state, number] >= 0:
@@ -224,9 +224,9 @@ def is_behind(task: Task, memory: Memory, label: int) -> bool:
         best = memory.state_best[other]
         if best[SOONEST] > latest_s or best[MOST] < needed_j:
             continue
-        if _is_dominated(task, memory, other, FIRST_ON_GROUND, row, must_charge):
+        if _is_dominated(task, memory, other, FIRST_ON_GROUND, row, missing_j):
             return True
-        if not on_ground and _is_dominated(task, memory, other, FIRST_IN_AIR, row, must_charge):
+        if not on_ground and _is_dominated(task, memory, other, FIRST_IN_AIR, row, missing_j):
             return True
     return False
 
@@ -253,15 +253,17 @@ def _insert(memory: Memory, label: int, state: int, column: int, before: int) ->
 
 
 @kernel
-def _must_charge(task: Task, memory: Memory, state: int, row: Floats) -> bool:
-    """Whether a drone of this label charges to the top once more before its last delivery."""
-    missing_j = memory.state_bound[state, 1] - (row[LAST_LEVEL] - row[USED] - task.reserve_j)
-    return task.lag_s_per_j > 0.0 and missing_j > task.rounding_j
+def _missing_j(task: Task, memory: Memory, state: int, row: Floats) -> float:
+    """The least that a drone of this label charges on later pads; 0 where it does not matter."""
+    if task.lag_s_per_j == 0.0:
+        return 0.0
+    flown_j = task.flown_j_of_need * (memory.state_bound[state, 1] - task.need_of_stops)
+    return flown_j - (row[LAST_LEVEL] - row[USED] - task.reserve_j)
 
 
 @kernel
 def _is_dominated(
-    task: Task, memory: Memory, state: int, column: int, row: Floats, must_charge: bool
+    task: Task, memory: Memory, state: int, column: int, row: Floats, missing_j: float
 ) -> bool:
     """Whether a label of this list dominates the row."""
     needed_j = row[LAST_LEVEL] - row[USED] - task.rounding_j
@@ -270,7 +272,7 @@ def _is_dominated(
         other = memory.label[label]
         if other[MOST_BEFORE] < needed_j:
             return False
-        if dominates(task, other, row, must_charge):
+        if dominates(task, other, row, missing_j):
             return True
         label = int64(other[NEXT])
     return False
@@ -292,7 +294,7 @@ def _compare(
     """
     needed_j = row[LAST_LEVEL] - row[USED] - task.rounding_j
     rank = rank_s(task, row)
-    must_charge = _must_charge(task, memory, state, row)
+    missing_j = _missing_j(task, memory, state, row)
     behind, before = NONE, NONE
     label = memory.state[state, column]
     while label >= 0:
@@ -303,12 +305,12 @@ def _compare(
         has_enough = other[MOST_BEFORE] >= needed_j
         if (is_earlier or not may_win) and not (may_lose and has_enough):
             return behind
-        if may_lose and has_enough and dominates(task, other, row, must_charge):
+        if may_lose and has_enough and dominates(task, other, row, missing_j):
             return _BEATEN
         if (
             may_win
             and not is_earlier
-            and dominates(task, row, other, _must_charge(task, memory, state, other))
+            and dominates(task, row, other, _missing_j(task, memory, state, other))
         ):
             memory.link[label, ALIVE] = 0
             if before < 0:

@@ -77,7 +77,8 @@ class Task(NamedTuple):
     j]`` bound the time after destination j is reached, inf where j may not be next;
     `approach_flight_after` and `approach_need_after` the time after the source is reached.
     `s_per_j` is the least time to charge a joule. `lag_s_per_j` is this time where a label that is
-    later may dominate, else 0 (see `dominance`).
+    later may dominate, else 0 (see `dominance`). Each unit of a need above `need_of_stops` stands
+    for at least `flown_j_of_need` joules.
 
     `begin_s` is the moment at which the drone stands at the start.
 
@@ -118,6 +119,8 @@ class Task(NamedTuple):
     rounding_j: float
     s_per_j: float
     lag_s_per_j: float
+    flown_j_of_need: float
+    need_of_stops: float
     stop_s: float
     stop_j: float
     loading_s: float

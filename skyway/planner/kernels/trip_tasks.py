@@ -165,6 +165,8 @@ def task_of_trip(
             terms.rounding_j[model],
             needs_s_per_j,
             lag_s_per_j,
+            1.0,
+            0.0,
             stop_s,
             stop_j,
             loading_s,

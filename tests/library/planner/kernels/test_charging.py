@@ -133,7 +133,7 @@ def test_a_dominating_label_has_at_least_as_much_charge_at_every_moment(
                 _charge_j(plain, task, one, s) - _charge_j(plain, task, other, s) for s in at_s
             ]
             expected = one[0] <= other[0] and min(leads) >= -1e-6
-            assert plain.dominance.dominates(task, one, other, False) == expected
+            assert plain.dominance.dominates(task, one, other, 0.0) == expected
             dominating += expected
     assert dominating > len(rows)
 
@@ -142,14 +142,14 @@ def test_a_label_that_is_later_dominates_only_if_its_drone_is_full_no_later_on_a
     plain: SimpleNamespace, task: SimpleNamespace
 ) -> None:
     fastest = (500 - 40) / (0.55 * 100_000)
-    full = SimpleNamespace(**vars(task) | {"lag_s_per_j": fastest})
+    full = SimpleNamespace(**vars(task) | {"lag_s_per_j": fastest, "recharges_fully": True})
     random = np.random.default_rng(5)
     later = 0
     for _ in range(300):
         one, other = (_charged_to_the_top(task, random) for _ in range(2))
-        if one[0] > other[0] and plain.dominance.dominates(full, one, other, True):
+        if one[0] > other[0] and plain.dominance.dominates(full, one, other, 100.0):
             later += 1
-            assert not plain.dominance.dominates(full, one, other, False)
+            assert not plain.dominance.dominates(full, one, other, 0.0)
             for flight in random.uniform(0, 1, 50):
                 window = other[0] + np.cumsum(random.uniform(0, 2_500, 2))
                 full_at = [
@@ -158,6 +158,60 @@ def test_a_label_that_is_later_dominates_only_if_its_drone_is_full_no_later_on_a
                 ]
                 assert full_at[0] <= full_at[1]
     assert later > 10
+
+
+@pytest.mark.parametrize("curves", ["task", "task_of_two_curves"])
+def test_a_label_that_is_later_dominates_only_if_its_drone_catches_up_on_all_pads(
+    plain: SimpleNamespace, request: pytest.FixtureRequest, curves: str
+) -> None:
+    fastest = {"lag_s_per_j": (500 - 40) / (0.55 * 100_000), "recharges_fully": False}
+    task = SimpleNamespace(**vars(request.getfixturevalue(curves)) | fastest)
+    random = np.random.default_rng(6)
+    later = 0
+    for _ in range(4_000):
+        one, other = (_label(plain, task, random) for _ in range(2))
+        missing_j = random.uniform(0, 40_000)
+        is_flying = other[2] - other[5] >= task.reserve_j
+        if not is_flying or one[0] <= other[0]:
+            continue
+        if not plain.dominance.dominates(task, one, other, missing_j):
+            continue
+        later += 1
+        for _ in range(10):
+            _assert_catches_up(plain, task, one, other, missing_j, random)
+    assert later > 50
+
+
+def _assert_catches_up(
+    plain: SimpleNamespace,
+    task: SimpleNamespace,
+    one: NDArray[np.float64],
+    other: NDArray[np.float64],
+    missing_j: float,
+    random: np.random.Generator,
+) -> None:
+    """The drone of `other` flies and charges; that of `one` follows and takes the same pads."""
+    charging, curves = plain.charging, len(task.curve_offsets) - 1
+    stays_s = random.uniform(0, other[3] - other[1])
+    times_s = np.array([one[0], other[0]]) + stays_s
+    charges_j = [_charge_j(plain, task, row, row[0] + stays_s) for row in (one, other)]
+    charged_j = 0.0
+    while charged_j < missing_j:
+        flown_j = random.uniform(0, max(0.0, charges_j[1] - task.reserve_j))
+        charges_j = [each - flown_j for each in charges_j]
+        begins_s = times_s[1] + random.choice([0.0, 50.0])
+        curve = random.integers(0, curves)
+        before_j, ends_s = charges_j[1], begins_s + random.uniform(0, 400)
+        for drone in (0, 1):
+            if times_s[drone] < ends_s:
+                place = charging.position_of(task, curve, charges_j[drone])
+                place += ends_s - max(times_s[drone], begins_s)
+                last = task.curve_s[task.curve_offsets[curve + 1] - 1]
+                charges_j[drone] = charging.level_at(task, min(place, last))
+                times_s[drone] = ends_s
+        charged_j += charges_j[1] - before_j
+    assert times_s[0] <= times_s[1] + 1e-6
+    assert charges_j[0] >= charges_j[1] - 1e-3
 
 
 def _charged_to_the_top(task: SimpleNamespace, random: np.random.Generator) -> NDArray[np.float64]:
