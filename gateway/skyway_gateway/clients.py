@@ -15,6 +15,7 @@ from skyway.announced_networks import CachedNetworks, check_stations
 from skyway.cells import CellClients, ask_all
 from skyway.contracts.broker_rules import AccountRole
 from skyway.contracts.candidate import (
+    CANDIDATE_LISTS,
     CandidateQueries,
     CandidateQuery,
     PayloadLimit,
@@ -152,9 +153,7 @@ class RestRegistry:
 
     async def candidate_lists(self, asked: CandidateQueries) -> CandidateLists:
         """The drones that could fly each of several requests, by one state of the fleets."""
-        return await self._client.call(
-            "POST", "/internal/candidate-lists", body=asked, answer=CandidateLists
-        )
+        return await self._client.call("POST", CANDIDATE_LISTS, body=asked, answer=CandidateLists)
 
     async def payload_limit(self, query: PayloadLimitQuery) -> PayloadLimit:
         """The heaviest payload that any admitted provider's drones can lift, busy or not."""

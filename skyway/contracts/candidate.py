@@ -1,17 +1,17 @@
-"""The gateway asks the registry which drones could fly a request, and why others cannot.
+"""The registry is asked which drones could fly a request, and why others cannot.
 
 The answer is `skyway.contracts.shortlist.Candidates`.
 """
 
 from collections.abc import Iterable
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field
 
 from skyway.contracts.message import FleetMoment, Soc
 from skyway.delivery.offer import Tariff
 from skyway.delivery.qos import ProviderChoice
-from skyway.delivery.request import Package
+from skyway.delivery.request import DeliveryRequest, Package
 from skyway.drone.cargo import CargoNeeds
 from skyway.drone.learned_values import AS_MODELLED, LearnedValues, model_as_learned
 from skyway.drone.model import DroneModel
@@ -25,6 +25,9 @@ MAX_CANDIDATES = 60
 
 #: One call asks about at most this many requests: the most that the gateway books at a time.
 MOST_QUERIES: Final = 64
+
+#: Where the registry answers about several requests.
+CANDIDATE_LISTS: Final = "/internal/candidate-lists"
 
 
 #: Who confirms what is loaded: the drone's own scale, or a loader of the provider.
@@ -85,6 +88,28 @@ class CandidateQuery(WireModel):
         tuple[DroneId, ...],
         Field(description="Drones of a held offer: named if they are able, even if others rank."),
     ] = ()
+
+    @classmethod
+    def of(
+        cls,
+        request: DeliveryRequest,
+        pickup_position: Position,
+        *,
+        providers: ProviderChoice,
+        excluded_drone_ids: tuple[DroneId, ...] = (),
+        kept_drone_ids: tuple[DroneId, ...] = (),
+    ) -> Self:
+        """The question about a request whose pickup is at this position."""
+        return cls(
+            pickup_station_id=request.pickup.station_id,
+            pickup_position=pickup_position,
+            payload_kg=request.payload_kg,
+            heaviest_kg=max((package.mass_kg for package in request.packages), default=0.0),
+            packages=cargo_of(request.packages),
+            providers=providers,
+            excluded_drone_ids=excluded_drone_ids,
+            kept_drone_ids=kept_drone_ids,
+        )
 
 
 class CandidateQueries(WireModel):

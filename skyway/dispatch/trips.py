@@ -15,6 +15,7 @@ from skyway.dispatch.pads import FleetPads, HeldPad, Reserved
 from skyway.dispatch.planned_trip import NotPlanned, PlannedTrip, Pool
 from skyway.dispatch.pools import Sharing
 from skyway.dispatch.problem import FleetProblem
+from skyway.drone.cargo import misfit
 from skyway.drone.model import DroneModel
 from skyway.ids import StationId
 from skyway.planner import PadLedger, Trips, TripTerms, compose, compose_many
@@ -77,6 +78,9 @@ class TripPlanner:
         self.models = [model for model, _ in kinds]
         self.model_of = [kinds.index(each) for each in kind_of]
         self._provider_of = [provider_id for _, provider_id in kinds]
+        self._may_misfit = any(
+            one.needs_cargo_check for each in problem.requests for one in each.packages
+        )
         self.given = FleetPads(problem)
         book = self.given.book()
         self._reserved = Reserved(book)
@@ -113,8 +117,13 @@ class TripPlanner:
         self._reserved.clear()
 
     def may_fly(self, kind: int, pool: Pool) -> bool:
-        """Whether drones of this number of model may fly all these requests: by their provider."""
-        allowed = (self.problem.requests[each].provider_ids for each in pool)
+        """Whether these drones may fly all these requests: by their provider and their cargo."""
+        requests = [self.problem.requests[each] for each in pool]
+        if self._may_misfit:
+            packages = [one for each in requests for one in each.packages]
+            if misfit(self.models[kind], packages) is not None:
+                return False
+        allowed = (each.provider_ids for each in requests)
         return all(each is None or self._provider_of[kind] in each for each in allowed)
 
     def plan(

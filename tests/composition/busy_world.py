@@ -36,7 +36,6 @@ from skyway_drone_agent.simulated.disturbances import UNDISTURBED
 from skyway_verifier.composition.rules import RULES
 from sqlalchemy import delete, select
 
-from skyway.contracts.candidate import Candidate
 from skyway.contracts.flight_step import PackageOnBoard
 from skyway.contracts.mission import (
     OPEN_MISSION_STATES,
@@ -47,7 +46,6 @@ from skyway.contracts.mission import (
 )
 from skyway.contracts.mission_reports import MissionReport
 from skyway.contracts.shortlist import Shortlist
-from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import ClosureId, DeliveryId, MissionId
 from skyway.runtime.clock import ManualClock
@@ -289,20 +287,7 @@ class BusyWorld:
         self.requests.setdefault(delivery_id, request)
         attempt = self.attempts[delivery_id] = self.attempts.get(delivery_id, 0) + 1
         candidates = [
-            Candidate.model_validate(
-                {
-                    "provider_id": each.drone.provider_id,
-                    "drone_id": each.drone_id,
-                    "model": each.drone.model,
-                    "soc": each.logbook.soc,
-                    # Where a drone with missions begins the next one, its calendar says.
-                    "station_id": each.logbook.station_id or each.drone.home_station_id,
-                    "home_station_id": each.drone.home_station_id,
-                    "tariff": Tariff(base=100, per_km=10, pooled_factor=0.7),
-                    "loading": loading,
-                    "learned": each.learned,
-                }
-            )
+            each.candidate(loading=loading)
             for each in (self.drones if drones is None else drones)
             if each.logbook.mission is not None or each.logbook.station_id is not None
         ]

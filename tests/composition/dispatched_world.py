@@ -3,7 +3,7 @@
 import asyncio
 import itertools
 import types
-from collections.abc import Coroutine, Generator, Iterable, Mapping
+from collections.abc import Coroutine, Generator, Iterable, Mapping, Sequence
 from datetime import datetime, timedelta
 from typing import Any, Final
 
@@ -26,20 +26,25 @@ from skyway_composition.missions.queue.dispatching.search_process import (
 from skyway_composition.networks.change_weather import WeatherChanges
 from skyway_composition.networks.prepared import PreparedNetworks
 
+from skyway.contracts.candidate import CANDIDATE_LISTS, CandidateQueries
 from skyway.contracts.drones import (
     EXCHANGING,
+    OUT_OF_SERVICE,
     ExchangingProviders,
     OutOfServiceAnswer,
-    OutOfServiceQuery,
 )
 from skyway.contracts.mission import PackageEta
+from skyway.contracts.shortlist import CandidateLists, Candidates, Shortlist
 from skyway.contracts.weather import ForecastDocument
 from skyway.delivery.offer import Price, Tariff
 from skyway.ids import DeliveryId, MissionId, PackageId, ProviderId
+from skyway.json_model import JsonModel
 from skyway.network.network import Network
+from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake
 from tests.composition.busy_network import NETWORK_ID
 from tests.composition.busy_world import BusyWorld
+from tests.composition.flown_drone import FlownDrone
 
 #: The provider of all drones of a busy world.
 PROVIDER: Final = ProviderId("prv_1")
@@ -73,7 +78,8 @@ async def forecast_wind(world: BusyWorld, *, speed_mps: float, from_deg: float) 
 class RegistryInService:
     """A registry whose drones are in service, except the withdrawn ones; some may be due.
 
-    Providers with a tariff exchange deliveries.
+    Providers with a tariff exchange deliveries. The candidates of each request are the `able`
+    drones of the providers that it admits. If `able` is None, there is no answer about candidates.
     """
 
     def __init__(
@@ -81,19 +87,37 @@ class RegistryInService:
         withdrawn: frozenset[str] = frozenset(),
         due: frozenset[str] = frozenset(),
         tariffs: Mapping[str, Tariff] = types.MappingProxyType({}),
+        able: Sequence[FlownDrone] | None = (),
+        loading: str = "AUTOMATIC",
     ) -> None:
-        self.withdrawn, self.due = withdrawn, due
+        self.withdrawn, self.due, self.able, self.loading = withdrawn, due, able, loading
         self.tariffs = {ProviderId(name): each for name, each in tariffs.items()}
+        self.asked: list[CandidateQueries] = []
 
-    async def call(
-        self, _method: str, path: str, *, body: OutOfServiceQuery | None = None, **_: Any
-    ) -> OutOfServiceAnswer | ExchangingProviders:
-        if body is None:
-            assert path == EXCHANGING
+    async def call(self, _method: str, path: str, *, body: Any = None, **_: Any) -> JsonModel:
+        if path == EXCHANGING:
             return ExchangingProviders(tariffs={**self.tariffs})
+        if path == CANDIDATE_LISTS:
+            return self._candidates(body)
+        assert path == OUT_OF_SERVICE
         return OutOfServiceAnswer(
             drone_ids=tuple(each for each in body.drone_ids if each in self.withdrawn),
             due_drone_ids=tuple(each for each in body.drone_ids if each in self.due),
+        )
+
+    def _candidates(self, asked: CandidateQueries) -> CandidateLists:
+        self.asked.append(asked)
+        if self.able is None:
+            raise ServiceUnavailable("registry", "it is away in this test")
+        candidates = [each.candidate(loading=self.loading) for each in self.able]
+        admitted = [
+            [each for each in candidates if query.providers.admits(each.provider_id)]
+            for query in asked.queries
+        ]
+        return CandidateLists(
+            answers=tuple(
+                Candidates(shortlist=Shortlist.of(each), infeasible=()) for each in admitted
+            )
         )
 
 
@@ -114,6 +138,13 @@ def dispatcher_of(
         DispatchTerms(every_s=10.0, budget_s=0.05, tolerance_s=tolerance_s),
     )
     return Dispatcher(world.context, finder)
+
+
+async def look(world: BusyWorld, dispatcher: Dispatcher) -> list[str]:
+    """Look at all fleets as the dispatcher does, once; the outcomes."""
+    found = [await dispatcher.look_at(*each) for each in await dispatcher.finder.fleets()]
+    await world.check()
+    return found
 
 
 #: An order that never stops changing would change more often than this.

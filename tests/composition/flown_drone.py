@@ -19,6 +19,7 @@ from skyway_drone_agent.simulated.physics import Physics
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 from skyway_drone_agent.vehicle import StepRun
 
+from skyway.contracts.candidate import Candidate
 from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import (
     DeliverStep,
@@ -29,6 +30,7 @@ from skyway.contracts.flight_step import (
 )
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, INSTRUCTIONS, STATE, Address, Topic
 from skyway.contracts.world import ClockAnchor
+from skyway.delivery.offer import Tariff
 from skyway.drone.learned_values import AS_MODELLED
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
@@ -236,6 +238,23 @@ class FlownDrone:
     @property
     def logbook(self) -> Logbook:
         return self.journal.logbook
+
+    def candidate(self, *, loading: str = "AUTOMATIC") -> Candidate:
+        """The drone as the registry names it."""
+        return Candidate.model_validate(
+            {
+                "provider_id": self.drone.provider_id,
+                "drone_id": self.drone_id,
+                "model": self.drone.model,
+                "soc": self.logbook.soc,
+                # Where a drone with missions begins the next one, its calendar says.
+                "station_id": self.logbook.station_id or self.drone.home_station_id,
+                "home_station_id": self.drone.home_station_id,
+                "tariff": Tariff(base=100, per_km=10, pooled_factor=0.7),
+                "loading": loading,
+                "learned": self.learned,
+            }
+        )
 
     def emit(self, topic: Topic[Any], message: Any) -> None:
         if topic.template in _READ_TOPICS:

@@ -27,11 +27,10 @@ def test_the_provider_that_flies_a_delivery_is_paid_the_price_that_was_agreed(
     first = system.start_fleet(["exchange-s1"], name="First Air", exchanges_deliveries=True)
     second = system.start_fleet(["exchange-s2"], name="Second Air", exchanges_deliveries=True)
     own = f"/v1/providers/{second['provider_id']}"
-    pinned: dict[str, Any] = {"providers": {"pinned": second["provider_id"]}}
     # While the second provider is suspended, the drone of the first one gets all deliveries.
     system.operate("PATCH", own, {"state": "SUSPENDED"})
     pages = dict(
-        _requested(system, network, pin="4711", may_change_provider=each != 1) for each in range(4)
+        _requested(system, network, pin="4711", may_change_provider=each != 1) for each in range(3)
     )
     asked = [*pages]
     booked = {
@@ -39,8 +38,6 @@ def test_the_provider_that_flies_a_delivery_is_paid_the_price_that_was_agreed(
         for each in asked
     }
     system.operate("PATCH", own, {"state": "ACTIVE"})
-    # The dispatcher plans drones that have missions.
-    _requested(system, network, **pinned)
 
     def moved() -> list[str]:
         now = {each: system.delivery(each)["provider_id"] for each in asked}
@@ -53,6 +50,32 @@ def test_the_provider_that_flies_a_delivery_is_paid_the_price_that_was_agreed(
         for each in moved():
             _check_moved(system, booked[each], system.until_state(each, "COMPLETED"))
     assert asked[1] not in moved()
+    assert system.broken_rules() == []
+
+
+def test_a_drone_that_returns_from_maintenance_flies_what_waits_for_another_one(
+    system: Any,
+) -> None:
+    network = _joint_network(system, "beside")
+    provider = system.start_fleet(["beside-s1", "beside-s1"], name="Beside Air")
+    first, second = (each["drone_id"] for each in provider["drones"])
+    own = f"/v1/providers/{provider['provider_id']}/drones/{second}"
+    system.operate("PATCH", own, {"state": "MAINTENANCE"})
+    asked = [_requested(system, network)[0] for _ in range(3)]
+    booked = {
+        each: system.until_state(each, "PLANNED", "DISPATCHED", "LOADING", "IN_PROGRESS")
+        for each in asked
+    }
+    assert {one["drone_id"] for each in booked.values() for one in each["missions"]} == {first}
+
+    system.operate("PATCH", own, {"state": "AVAILABLE"})
+
+    flown = [system.until_state(each, "COMPLETED") for each in asked]
+    assert {one["drone_id"] for each in flown for one in each["missions"]} == {first, second}
+    for after in flown:
+        before = booked[after["delivery_id"]]
+        assert after["price"] == before["price"]
+        assert after["packages"][0]["promised_at"] == before["packages"][0]["promised_at"]
     assert system.broken_rules() == []
 
 

@@ -10,6 +10,7 @@ pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 CALLS = list(guarded_calls("provider-registry"))
 #: What composition asks of the registry.
 OF_COMPOSITION = {
+    "/internal/candidate-lists",
     "/internal/mission-reports",
     "/internal/mission-reports/many",
     "/internal/drones-out-of-service",

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-from skyway.contracts.candidate import CandidateQuery, ProviderReason, cargo_of
+from skyway.contracts.candidate import CandidateQuery, ProviderReason
 from skyway.contracts.mission import OfferHold, OfferLimits
 from skyway.contracts.quote import KeepOffer
 from skyway.delivery.qos import ProviderChoice
@@ -23,7 +23,7 @@ from skyway.runtime.sql.database import Tx
 from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.check_request import CheckedRequest
-from skyway_gateway.quotes.store import Offer, Quote
+from skyway_gateway.quotes.store import Quote
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,13 @@ class OfferKeeper:
         offer = quote.offers[number]
         if quote.taken_offer_id is not None or self.clock.wall_now() >= offer.expires_wall_at:
             return None
-        found = await self.registry.candidates(_candidate_query(offer, checked))
+        query = CandidateQuery.of(
+            checked.request,
+            checked.pickup_position,
+            providers=ProviderChoice(pinned=offer.provider_id),
+            kept_drone_ids=(offer.drone_id,),
+        )
+        found = await self.registry.candidates(query)
         is_held = hold_id is not None and offer.is_held
         asked = KeepOffer(
             # A call that is repeated after this process died finds what was held for it.
@@ -81,19 +87,6 @@ class OfferKeeper:
         """Give up what is held; if composition is away, it expires by itself."""
         with contextlib.suppress(ServiceUnavailable, RemoteProblem):
             await self.composition.release(hold.hold_id)
-
-
-def _candidate_query(offer: Offer, checked: CheckedRequest) -> CandidateQuery:
-    request = checked.request
-    return CandidateQuery(
-        pickup_station_id=request.pickup.station_id,
-        pickup_position=checked.pickup_position,
-        payload_kg=request.payload_kg,
-        heaviest_kg=max(package.mass_kg for package in request.packages),
-        packages=cargo_of(request.packages),
-        providers=ProviderChoice(pinned=offer.provider_id),
-        kept_drone_ids=(offer.drone_id,),
-    )
 
 
 def _lost(quote: Quote, number: int, reasons: Sequence[ProviderReason]) -> Conflict:

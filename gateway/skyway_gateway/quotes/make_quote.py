@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import Field
 
 from skyway.announced_networks import CachedNetworks
-from skyway.contracts.candidate import CandidateQuery, ProviderReason, cargo_of
+from skyway.contracts.candidate import CandidateQuery, ProviderReason
 from skyway.contracts.message import utc_text
 from skyway.contracts.mission import OfferLimits
 from skyway.contracts.quote import HoldTerms, OfferTerms, QuoteAnswer, QuoteQuery
@@ -17,7 +17,6 @@ from skyway.delivery.offer import BestValues, OfferValues, Tariff, rank_offers
 from skyway.delivery.qos import ProviderChoice, Weights
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import InvalidInput, SkywayError
-from skyway.geo import Position
 from skyway.ids import HoldId, OfferId, QuoteId, SubjectId, kind_for
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
@@ -214,10 +213,10 @@ class QuoteMaker:
         counts. Errors are those of `make`.
         """
         checked = await self.checks.check(request)
-        query = _candidate_query(request, checked.pickup_position)
+        asking = request.qos.providers
         if kept is not None:
-            pinned = ProviderChoice(pinned=kept.provider_id)
-            query = query.model_copy(update={"providers": pinned})
+            asking = ProviderChoice(pinned=kept.provider_id)
+        query = CandidateQuery.of(request, checked.pickup_position, providers=asking)
         found = await self.registry.candidates(query)
         if kept is not None:
             shortlist = found.shortlist.with_tariff(kept.provider_id, kept.tariff)
@@ -298,17 +297,6 @@ class QuoteMaker:
             life_s=self.limits.life_s,
             most=self.limits.most,
         )
-
-
-def _candidate_query(request: DeliveryRequest, position: Position) -> CandidateQuery:
-    return CandidateQuery(
-        pickup_station_id=request.pickup.station_id,
-        pickup_position=position,
-        payload_kg=request.payload_kg,
-        heaviest_kg=max(package.mass_kg for package in request.packages),
-        packages=cargo_of(request.packages),
-        providers=request.qos.providers,
-    )
 
 
 def _count(quote: Quote) -> None:

@@ -204,7 +204,12 @@ async def make_or_preview(closings: Closings, closure: Closure, query: DryRun) -
         affected = await closings.preview(closure)
     else:
         closure, affected = await closings.make(closure)
-    return _made(closure, affected)
+    return ClosureMade(
+        closure_id=closure.closure_id or None,
+        affected_missions=affected,
+        missions_without_delay=sum(each.delay is None for each in affected),
+        **_members(closure),
+    )
 
 
 async def page_of_kind(
@@ -269,16 +274,6 @@ async def lift(
 def shown(closure: Closure) -> ClosureInfo:
     """A closure as lists show it."""
     return ClosureInfo(closure_id=closure.closure_id, **_members(closure))
-
-
-def _made(closure: Closure, affected: tuple[AffectedMission, ...]) -> ClosureMade:
-    """A closure as the answer to an order shows it."""
-    return ClosureMade(
-        closure_id=closure.closure_id or None,
-        affected_missions=affected,
-        missions_without_delay=sum(each.delay is None for each in affected),
-        **_members(closure),
-    )
 
 
 def _members(closure: Closure) -> dict[str, Any]:  # the members of _Closed, checked by the model

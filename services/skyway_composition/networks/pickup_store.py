@@ -130,7 +130,7 @@ class PastPickups:
         if past is None:
             past = await self._past.ask(provider_id)
         # Of the cached missions that are read again, some have changed, and some are deleted.
-        newest = await self._newest(provider_id, past.since)
+        newest = await self._rows(_NEWEST, provider_id, since=past.since)
         older = [each for each in past.missions if each.mission_id < past.since]
         waits_at = _waits_at([*newest, *older])
         waiting = Counter(at for each, at in waits_at.items() if each != drone_id)
@@ -141,10 +141,6 @@ class PastPickups:
     async def _read(self, provider_id: ProviderId) -> _Past:
         rows = await self._rows(_LAST, provider_id, most_looked_at=self._most_looked_at)
         return _Past(tuple(_requests(rows)), rows)
-
-    async def _newest(self, provider_id: ProviderId, since: str) -> Sequence[Any]:
-        """The missions from `since` on as they are now: a drone may have been booked since."""
-        return await self._rows(_NEWEST, provider_id, since=since)
 
     async def _rows(
         self, query: Select[Any], provider_id: ProviderId, **values: Any

@@ -162,7 +162,7 @@ def _prepare(version: int, content: bytes, past_pickups: PastPickups) -> Prepare
         network=network,
         settings=settings,
         airspace=Airspace.of(network),
-        hierarchy=_hierarchy(network),
+        hierarchy=Hierarchy.of(network) if len(network.stations) <= _MOST_RANKED else None,
         straightness=_straightness(network),
         conditions=CachedConditions(network_id, network, reserve_risk=settings.reserve_risk),
         past_pickups=past_pickups,
@@ -178,10 +178,6 @@ def _prepare(version: int, content: bytes, past_pickups: PastPickups) -> Prepare
         },
     )
     return prepared
-
-
-def _hierarchy(network: Network) -> Hierarchy | None:
-    return Hierarchy.of(network) if len(network.stations) <= _MOST_RANKED else None
 
 
 def _straightness(network: Network) -> float:

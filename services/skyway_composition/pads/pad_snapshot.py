@@ -3,6 +3,7 @@
 import asyncio
 from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
+from copy import copy
 from typing import Final, Self
 
 import numpy as np
@@ -71,17 +72,11 @@ class PadSnapshot:
     ----------
     after_ms
         The moment, milliseconds since 1970.
-    without
-        Missions and holds whose pads count as free.
-    instead
-        Missions that count as if they had reserved exactly these pads.
     outages
         Pads that are out of order, and when; an end of `OPEN_MS` means no end.
     gap_ms
         How long a pad must be free before a reservation. The gap after a reservation is part of
         the reservation.
-    read
-        What another snapshot has read; None reads anew.
     """
 
     def __init__(
@@ -91,59 +86,40 @@ class PadSnapshot:
         network: Network,
         *,
         after_ms: int,
-        without: Collection[MissionId | HoldId] = (),
-        instead: Mapping[MissionId, Collection[BookedPad]] | None = None,
         outages: Sequence[PadHeld] = (),
         gap_ms: int = 0,
-        read: _PadsRead | None = None,
     ) -> None:
-        self._db = db
-        self._network_id = network_id
         self._network = network
-        self._after_ms = after_ms
-        self._instead = {} if instead is None else dict(instead)
-        self._without = frozenset(without).union(self._instead)
-        self._outages = tuple(outages)
-        self._gap_ms = gap_ms
-        self._read = read or _PadsRead(db, network_id, network, after_ms=after_ms)
+        self._outages, self._gap_ms = tuple(outages), gap_ms
+        self._begin(_PadsRead(db, network_id, network, after_ms=after_ms), frozenset(), {})
+
+    def _begin(
+        self,
+        read: _PadsRead,
+        without: frozenset[MissionId | HoldId],
+        instead: Mapping[MissionId, Collection[BookedPad]],
+    ) -> Self:
+        """Begin with these reservations, which may have been read for another snapshot."""
+        self._read, self._instead = read, dict(instead)
+        self._without = without.union(instead)
         #: The stations whose reservations are in `book`.
-        self._is_known = np.zeros(len(network.row_of), np.bool_)
+        self._is_known = np.zeros(len(self._network.row_of), np.bool_)
         #: The reservations known so far, in milliseconds since 1970.
-        self.book: PadBook = self._book_of(()) if outages or self._instead else NO_RESERVATIONS
+        self.book: PadBook = self._book_of(()) if self._outages or instead else NO_RESERVATIONS
+        return self
 
     def without(self, owners: Collection[MissionId | HoldId]) -> Self:
         """The same reservations but those of these missions and holds."""
         instead = {key: pads for key, pads in self._instead.items() if key not in owners}
-        return self._with(without=self._without.union(owners), instead=instead, read=self._read)
+        return copy(self)._begin(self._read, self._without.union(owners), instead)
 
     def instead(self, pads: Mapping[MissionId, Collection[BookedPad]]) -> Self:
         """The same reservations as if these missions had exactly these pads."""
-        instead = {**self._instead, **pads}
-        return self._with(without=self._without, instead=instead, read=self._read)
+        return copy(self)._begin(self._read, self._without, {**self._instead, **pads})
 
     def anew(self) -> Self:
         """The same reservations, to be read again."""
-        read = self._read.anew()
-        return self._with(without=self._without, instead=self._instead, read=read)
-
-    def _with(
-        self,
-        *,
-        without: Collection[MissionId | HoldId],
-        instead: Mapping[MissionId, Collection[BookedPad]],
-        read: _PadsRead,
-    ) -> Self:
-        return type(self)(
-            self._db,
-            self._network_id,
-            self._network,
-            after_ms=self._after_ms,
-            without=without,
-            instead=instead,
-            outages=self._outages,
-            gap_ms=self._gap_ms,
-            read=read,
-        )
+        return copy(self)._begin(self._read.anew(), self._without, self._instead)
 
     def holders(self, *, from_ms: int, until_ms: int) -> frozenset[str]:
         """The missions and holds that have pads for some of this time, where none is free always.

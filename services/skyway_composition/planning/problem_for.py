@@ -81,7 +81,7 @@ def delivery_problem(
         start_at=ms_to_moment(start_ms),
         drone=_at_start(with_margins(world, drone)),
         source=request.pickup.station_id,
-        packages=tuple(_to_load(each, start_ms=start_ms) for each in request.packages),
+        packages=tuple(to_load(each, start_ms=start_ms) for each in request.packages),
         loading_s=world.skyway.settings.loading_s,
         dropoff_s=world.skyway.settings.hand_over_s(request.packages),
         latest_delivery_s=None if latest_ms is None else (latest_ms - start_ms) / 1000,
@@ -204,7 +204,7 @@ def _at_start(drone: Standing) -> DroneAtStart:
     return DroneAtStart(model=drone.model, soc=drone.soc, station_id=drone.station_id)
 
 
-def _to_load(package: Package, *, start_ms: int) -> PackageToDeliver:
+def to_load(package: Package, *, start_ms: int) -> PackageToDeliver:
     """A package for its destination, with what it needs of the drone that is chosen for it."""
     needs = {name: getattr(package, name) for name in CargoNeeds.model_fields}
     to_deliver = _to_deliver(package, package.destination.station_id, start_ms=start_ms)

@@ -201,7 +201,8 @@ class SolverPool:
                 hierarchy=world.skyway.hierarchy,
                 booked=world.pads.book.seen_from(start_ms),
             )
-            unread = {each for each in _charging_stations(plan) if not world.pads.has_read(each)}
+            charging = {step.station_id for step in plan.steps if isinstance(step, Recharge)}
+            unread = {each for each in charging if not world.pads.has_read(each)}
             if not unread:
                 return plan
             places |= unread
@@ -273,10 +274,6 @@ def _is_small(problem: Problem, airspace: Airspace | None, hierarchy: Hierarchy 
         and airspace is not None
         and not airspace.reaches
     )
-
-
-def _charging_stations(plan: Plan) -> Iterable[StationId]:
-    return (step.station_id for step in plan.steps if isinstance(step, Recharge))
 
 
 def _rows_around(network: Network, places: Iterable[StationId], margin: float) -> Rows:

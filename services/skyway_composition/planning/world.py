@@ -127,16 +127,6 @@ class World:
         return replace(self, pads=self.pads.instead(pads))
 
     @classmethod
-    async def around(
-        cls, station_id: StationId, networks: PreparedNetworks, *, db: Database, after_ms: int
-    ) -> Self | None:
-        """The world of the network that has this station; None when no network has it."""
-        present = await networks.present_around(station_id)
-        return (
-            None if present is None else await cls.at(present, networks, db=db, after_ms=after_ms)
-        )
-
-    @classmethod
     async def at(
         cls,
         present: Present,
@@ -169,28 +159,16 @@ class World:
         db: Database,
         *,
         after_ms: int,
-        without: Collection[MissionId] = (),
-        pad_gap_s: float | None = None,
         supposed: Sequence[Closure] = (),
     ) -> Self:
         """The network with the closures and reservations that end after a moment.
 
-        The reservations of the missions `without` are left out. All others begin `pad_gap_s`
-        early; None means the network's own gap. The `supposed` closures were not made: a dry run
-        plans as if they were.
+        The `supposed` closures were not made: a dry run plans as if they were.
         """
         number, conditions = await skyway.conditions.read(db, after_ms=after_ms)
         if supposed:
             conditions = replace(conditions, closures=(*conditions.closures, *supposed))
-        pads = _pads(
-            skyway,
-            db,
-            conditions,
-            after_ms=after_ms,
-            without=without,
-            pad_gap_s=pad_gap_s,
-        )
-        return cls(skyway, pads, conditions, number)
+        return cls(skyway, _pads(skyway, db, conditions, after_ms=after_ms), conditions, number)
 
 
 def _pads(
@@ -199,7 +177,6 @@ def _pads(
     conditions: Conditions,
     *,
     after_ms: int,
-    without: Collection[MissionId] = (),
     pad_gap_s: float | None = None,
 ) -> PadSnapshot:
     gap_s = skyway.settings.pad_gap_s if pad_gap_s is None else pad_gap_s
@@ -208,7 +185,6 @@ def _pads(
         skyway.network_id,
         skyway.network,
         after_ms=after_ms,
-        without=without,
         outages=conditions.pad_outages(after_ms),
         gap_ms=round(gap_s * 1000),
     )

@@ -55,11 +55,7 @@ def start_pruning(
 ) -> None:
     """Start the loop in which the leader deletes rows that are older than the settings keep."""
     days = settings.closure_days, settings.alarm_days, settings.network_version_days
-    kept = map(_span, days)
+    kept = [None if each is None else timedelta(days=each) for each in days]
     pruning = Pruning(db, clock, *kept)
     step = LeaderStep(membership, pruning.step)
     loops.start("old rows", repeat("old rows", step, every_s=_EVERY_S))
-
-
-def _span(days: float | None) -> timedelta | None:
-    return None if days is None else timedelta(days=days)

@@ -1,6 +1,7 @@
-"""The gateway asks for drones that could fly a request, composition for drones that may not.
+"""The gateway and composition ask for drones that could fly a request.
 
-Composition also asks how many drones a network has, and which providers exchange deliveries.
+Composition also asks which drones may not fly, how many drones a network has, and which providers
+exchange deliveries.
 """
 
 from collections.abc import Sequence
@@ -9,6 +10,7 @@ from typing import Annotated
 from fastapi import Depends, Response
 
 from skyway.contracts.candidate import (
+    CANDIDATE_LISTS,
     CandidateQueries,
     CandidateQuery,
     PayloadLimit,
@@ -60,13 +62,13 @@ def candidate_routes(context: Context, *, view: FleetView) -> ServiceRouter:
         # Serialized here: the answer is valid, and FastAPI would validate each model again.
         return Response(found.model_dump_json(), media_type="application/json")
 
-    @router.post("/internal/candidate-lists", response_model=CandidateLists)
+    @router.post(CANDIDATE_LISTS, response_model=CandidateLists)
     async def find_candidate_lists(
         caller: Annotated[Caller, Depends(context.gate)],
         asked: Annotated[CandidateQueries, Depends(internal_body(CandidateQueries))],
     ) -> Response:
         """The drones that could fly each of several requests now, by one state of the fleets."""
-        caller.must_be_service("gateway")
+        caller.must_be_service("gateway", "composition")
         found = CandidateLists.model_construct(answers=await select_now(asked.queries))
         return Response(found.model_dump_json(), media_type="application/json")
 

@@ -17,8 +17,9 @@ FAR_AWAY = {"type": "Polygon", "coordinates": [[[90, 0], [91, 0], [91, 1], [90, 
 
 
 async def look(composition: Any, **members: Any) -> World:
-    skyway = await composition.parts.networks.current("row")
-    return await World.of(skyway, composition.db, after_ms=0, **members)
+    networks = composition.parts.networks
+    present = await networks.present("row")
+    return await World.at(present, networks, db=composition.db, after_ms=0, **members)
 
 
 async def holds(composition: Any, world: World) -> bool:

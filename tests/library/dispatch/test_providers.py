@@ -1,4 +1,4 @@
-"""Requests that name providers are flown by their drones alone."""
+"""Requests are flown by drones of the providers that they name, which can carry their packages."""
 
 from random import Random
 
@@ -37,6 +37,38 @@ def test_no_request_is_flown_by_a_provider_that_it_does_not_name(seed: int) -> N
             assert allowed is None or provider_of[trip.drone_id] in allowed
     assert violations(problem, plan) == ()
     assert (plan.lower_bound_s or 0.0) <= plan.costs.total_s
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_request_goes_to_a_drone_that_carries_what_its_packages_need(seed: int) -> None:
+    problem = small_fleet(seed, drones=4, requests=6)
+    cold = ("FRAGILE", "UPRIGHT", "COLD")
+    first, *others = problem.drones
+    first = first.model_copy(update={"model": first.model.model_copy(update={"carries": cold})})
+    requests = [
+        each.model_copy(
+            update={
+                "packages": tuple(
+                    one.model_copy(update={"handling": ("COLD",)}) for one in each.packages
+                )
+            }
+        )
+        if number < 2
+        else each
+        for number, each in enumerate(problem.requests)
+    ]
+    mixed = problem.model_copy(update={"drones": (first, *others), "requests": tuple(requests)})
+
+    plan = optimise(mixed, rounds=3)
+
+    assert plan.unserved == ()
+    needing = {each.request_id for each in requests[:2]}
+    drones = {
+        trip.drone_id
+        for trip in plan.trips
+        if needing & {each.request_id for each in trip.requests}
+    }
+    assert drones == {first.drone_id}
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -1,4 +1,4 @@
-"""The gateway asks for candidates, and gets them from the committed data."""
+"""Services ask for candidates, and get them from the committed data."""
 
 from collections.abc import Awaitable, Callable
 from datetime import UTC, datetime, timedelta
@@ -8,6 +8,7 @@ import pytest
 from skyway_provider_registry.presence.follow import Recorder
 
 from skyway.announced_networks import NetworkLearner
+from skyway.contracts.candidate import CANDIDATE_LISTS
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.contracts.shortlist import CandidateLists, Candidates, Shortlist
 from skyway.contracts.topics import CONNECTION, STATE
@@ -230,6 +231,22 @@ async def test_one_call_answers_questions_about_several_requests(api: Any, ready
     assert [each.shortlist.provider_ids for each in found.answers] == [
         (each,) for each in reversed(providers)
     ]
+
+
+async def test_composition_gets_the_same_answer_about_several_requests(
+    api: Any, ready: Ready
+) -> None:
+    await ready(await api.provider())
+    asked = {"queries": [QUERY]}
+
+    answers = [
+        await api(None, "POST", CANDIDATE_LISTS, asked, service=service)
+        for service in ("gateway", "composition")
+    ]
+
+    first, second = (CandidateLists.model_validate_json(each.content) for each in answers)
+    assert first == second
+    assert len(second.answers[0].shortlist.drone_ids) == 1
 
 
 async def test_a_bad_query_is_refused_with_its_field(api: Any) -> None:

@@ -9,7 +9,7 @@ from statistics import fmean
 from time import perf_counter
 from typing import Final
 
-from skyway.contracts.candidate import CandidateQuery, ProviderReason, ProviderReasonCode, cargo_of
+from skyway.contracts.candidate import CandidateQuery, ProviderReason, ProviderReasonCode
 from skyway.contracts.mission import Booking, BookMissions, Mission, OfferLimits
 from skyway.contracts.mission_reports import CALENDAR_CODES
 from skyway.contracts.shortlist import Candidates, Shortlist
@@ -47,13 +47,9 @@ def candidate_query(queued: QueuedDelivery) -> CandidateQuery:
     choice = delivery.request.qos.providers
     if delivery.offer is not None:
         choice = ProviderChoice(pinned=delivery.offer.provider_id)
-    masses_kg = [package.mass_kg for package in delivery.waiting_packages]
-    return CandidateQuery(
-        pickup_station_id=delivery.pickup.station_id,
-        pickup_position=queued.pickup_position,
-        payload_kg=sum(masses_kg),
-        heaviest_kg=max(masses_kg, default=0.0),
-        packages=cargo_of(_request(delivery).packages),
+    return CandidateQuery.of(
+        _request(delivery),
+        queued.pickup_position,
         providers=choice,
         excluded_drone_ids=drones_that_refused(delivery.refusals),
     )

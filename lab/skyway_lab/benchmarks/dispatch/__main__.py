@@ -9,6 +9,7 @@ promises: the mean of the rolling hour by when a promise is firm, and by its wid
 providers: three fleets of three drones, each searched alone or all searched together.
 windows: the rolling hour in which a third of the requests have a window.
 batches: the rolling hour in which requests wait a few seconds to be planned together.
+idle: the rolling hour in which requests that wait get no idle drones, or get them too.
 
 docs/dispatch.md says how the cases are drawn, and holds the results.
 """
@@ -21,6 +22,7 @@ from pathlib import Path
 from statistics import mean
 from types import MappingProxyType
 
+from skyway_lab.benchmarks.dispatch.idle_drones import idle_drones
 from skyway_lab.benchmarks.dispatch.peers import Order, planned_in_order, present_peers
 from skyway_lab.benchmarks.dispatch.promises import promises
 from skyway_lab.benchmarks.dispatch.providers import providers
@@ -148,6 +150,7 @@ PARTS: Mapping[str, Callable[[argparse.Namespace], Iterator[Table]]] = MappingPr
         "providers": lambda sizes: providers(seeds=sizes.seeds),
         "windows": lambda sizes: windows(seeds=_seeds(sizes)),
         "batches": lambda sizes: batches(_chosen(sizes), seeds=_seeds(sizes)),
+        "idle": lambda sizes: idle_drones(_chosen(sizes), seeds=_seeds(sizes)),
         "small": lambda sizes: small(sizes.fleets, budget_s=sizes.minute_s),
     }
 )

@@ -130,11 +130,12 @@ async def _plan(context: Context, query: QuoteQuery, *, life_s: float) -> _Plann
     """
     request, shortlist = query.request, query.shortlist
     pickup = request.pickup.station_id
-    world = await World.around(pickup, context.networks, db=context.db, after_ms=context.now_ms)
-    if world is None:
+    present = await context.networks.present_around(pickup)
+    if present is None:
         detail = await context.networks.why_missing(pickup)
         reasons = refused_for_all(shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail)
         return QuoteAnswer(offers=(), infeasible=tuple(reasons))
+    world = await World.at(present, context.networks, db=context.db, after_ms=context.now_ms)
     begins_ms = max(
         start_ms(context.clock, earliest_at=request.begins_after),
         start_ms(context.clock, earliest_at=None) + _fleet_ms(context, life_s),

@@ -66,8 +66,12 @@ async def delays_of(
     """The delay of each mission; all missions are planned at the same time."""
     supposed = (replace(closure, closure_id=_SUPPOSED),)
     outlooks = await asyncio.gather(*(foresight.outlook(each, supposed=supposed) for each in seen))
-    ids = [each.before.record.mission_id for each in seen]
-    return dict(zip(ids, map(_delay, outlooks), strict=True))
+    return {
+        each.before.record.mission_id: ForeseenDelay(
+            plan=found.plan, later_by_s=_later_by_s(found), code=found.code, detail=found.detail
+        )
+        for each, found in zip(seen, outlooks, strict=True)
+    }
 
 
 def with_delays(
@@ -76,15 +80,6 @@ def with_delays(
     """The missions with the delays that are known."""
     return tuple(
         each.model_copy(update={"delay": delays.get(each.mission_id)}) for each in missions
-    )
-
-
-def _delay(outlook: MissionOutlook) -> ForeseenDelay:
-    return ForeseenDelay(
-        plan=outlook.plan,
-        later_by_s=_later_by_s(outlook),
-        code=outlook.code,
-        detail=outlook.detail,
     )
 
 

@@ -162,8 +162,8 @@ class ReportHandler:
                 if link.stream < state.stream:
                     work.tx.after_commit(partial(self._quarantine.suspect, received.ids))
                 await handle_state(work, link, state)
-            case Connection() as connection:
-                _handle_connection(work, link, connection)
+            case Connection() as connection if link.is_newer_connection(connection):
+                work.stage_link(replace(link, connection=connection))
 
     def _is_of_earlier_credentials(self, link: DroneLink, received: Received[Any]) -> bool:
         """Whether the broker retained the message from before a renewal of credentials.
@@ -187,11 +187,6 @@ def _without_superseded(batch: Sequence[Received[Any]]) -> Iterator[Received[Any
         is_news = isinstance(each.message, Ack) and each.message.status == "RECEIVED"
         if not is_news or (*each.ids, each.message.instruction_id) not in answered:
             yield each
-
-
-def _handle_connection(work: MissionUnitOfWork, link: DroneLink, connection: Connection) -> None:
-    if link.is_newer_connection(connection):
-        work.stage_link(replace(link, connection=connection))
 
 
 log = logging.getLogger(__name__)

@@ -109,7 +109,7 @@ def _occupied_pad(step: FlightStep | None, event: DroneEvent) -> OccupiedPad | N
 
 
 async def wait_for_revision(
-    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str, last_step: int = 0
+    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
 ) -> None:
     """Note that the drone stands and waits where its last state says; replanning finds it."""
     state = work.links[record.drone_id].state
@@ -130,8 +130,9 @@ async def wait_for_revision(
             "stuck drone without a station", extra={"mission_id": record.mission_id, "code": code}
         )
         return
+    last_step = 0
     if state.mission_id == record.mission_id:
-        last_step = max(last_step, state.released_through or 0, state.step_id or 0)
+        last_step = max(state.released_through or 0, state.step_id or 0)
     stuck = Stuck(
         code=code,
         detail=detail,

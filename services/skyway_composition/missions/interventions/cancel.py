@@ -1,12 +1,11 @@
 """Cancels packages of a delivery, in one transaction over all its missions."""
 
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial, reduce
 
 from skyway.contracts.mission import Cancellation, CancelMissions
-from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, PackageId
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.sql.database import Tx
@@ -78,9 +77,8 @@ class _Stop:
         under_way = {
             package_id
             for record in (*records, *queued)
-            for package_id in own_ids(
-                record, delivery_id, [*record.left_out, *_requested(record.request)]
-            )
+            for each in ([*record.left_out], [one.package_id for one in record.request.packages])
+            for package_id in own_ids(record, delivery_id, each)
         }
         package_ids = requested.package_ids
         if package_ids is None:
@@ -112,10 +110,6 @@ class _Stop:
                 others[has_never_left(held.get(each))].append(each)
         without_mission = Cancellation(released=tuple(others[True]), too_late=tuple(others[False]))
         return _together([*stopped, without_mission])
-
-
-def _requested(request: DeliveryRequest) -> Iterator[PackageId]:
-    return (each.package_id for each in request.packages)
 
 
 def _together(parts: Iterable[Cancellation]) -> Cancellation:

@@ -158,8 +158,10 @@ def _own_steps(record: MissionRecord, share: Share) -> Iterator[Step]:
     """The steps of the plan with the packages and the load of this share."""
     masses_kg = {each.package_id: each.mass_kg for each in record.request.packages}
     delivered = {each.package_id for each in record.mission.plan.deliveries} & {*share.packages}
-    on_board = set() if _loads(record.mission.plan) else set(delivered)
-    for step in record.mission.plan.steps:
+    steps = record.mission.plan.steps
+    # The plan may begin before the packages are on board.
+    on_board = set() if any(isinstance(each, PickUp) for each in steps) else set(delivered)
+    for step in steps:
         match step:
             case PickUp():
                 on_board = set(delivered)
@@ -176,11 +178,6 @@ def _own_steps(record: MissionRecord, share: Share) -> Iterator[Step]:
                 yield step.model_copy(update={"load_kg": load_kg})
             case _:
                 yield step
-
-
-def _loads(plan: Plan) -> bool:
-    """Whether the plan begins before the packages are on board."""
-    return any(isinstance(each, PickUp) for each in plan.steps)
 
 
 def _up_to_last_hand_over(steps: Sequence[Step]) -> Sequence[Step]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping
 
+from skyway.contracts.candidate import CANDIDATE_LISTS, CandidateQueries, CandidateQuery
 from skyway.contracts.drones import (
     EXCHANGING,
     MOST_DRONES,
@@ -10,6 +11,7 @@ from skyway.contracts.drones import (
     OutOfServiceAnswer,
     OutOfServiceQuery,
 )
+from skyway.contracts.shortlist import CandidateLists, Shortlist
 from skyway.delivery.offer import Tariff
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.http.client import ServiceClient
@@ -33,3 +35,12 @@ async def out_of_service(
 async def exchanging_tariffs(registry: ServiceClient) -> Mapping[ProviderId, Tariff]:
     """The tariffs of all providers that exchange deliveries now."""
     return (await registry.call("GET", EXCHANGING, answer=ExchangingProviders)).tariffs
+
+
+async def shortlists_for(
+    registry: ServiceClient, queries: tuple[CandidateQuery, ...]
+) -> tuple[Shortlist, ...]:
+    """The candidates of each of these requests; at most MOST_QUERIES in one question."""
+    asked = CandidateQueries(queries=queries)
+    found = await registry.call("POST", CANDIDATE_LISTS, body=asked, answer=CandidateLists)
+    return tuple(each.shortlist for each in found.answers)

@@ -163,15 +163,9 @@ class Calendars:
     async def _plan_again(self, calendar: _Calendar, slot: Slot) -> bool:
         first, began_ms = calendar.queued[0], self.context.now_ms
         skyway = await self.context.networks.current(first.network_id)
-        world = await World.of(
-            skyway,
-            self.context.db,
-            after_ms=self.context.now_ms,
-            without=[
-                *(each.mission_id for each in calendar.queued),
-                *([] if calendar.before is None else [calendar.before.mission_id]),
-            ],
-        )
+        world = await World.of(skyway, self.context.db, after_ms=self.context.now_ms)
+        own = [each for each in (calendar.before, *calendar.queued) if each is not None]
+        world = world.without([each.mission_id for each in own])
         planner = QueuePlanner(self.context, world, self.tolerance_s)
         changed = await planner.plan(calendar.queued, slot)
         is_hopeless = not changed and self._times().is_overdue(first)

@@ -9,8 +9,8 @@ from dataclasses import replace
 from datetime import timedelta
 from typing import Final
 
-from skyway.contracts.flight_step import FlightStep, FlyStep
-from skyway.ids import MissionId, StationId
+from skyway.contracts.flight_step import end_of
+from skyway.ids import MissionId
 from skyway.runtime.sql.database import Tx
 from skyway.scheduling.trip import without
 from skyway.units import ms_to_moment
@@ -74,7 +74,7 @@ async def shorten_standby(work: MissionUnitOfWork, record: MissionRecord, *, unt
     if first_step < where.next_step or (is_under_way and not steps):
         return
     before = [each for each in situation.planned if each.step_id < first_step]
-    station_id = _end_of(before[-1]) if before else where.station_id
+    station_id = end_of(before[-1]) if before else where.station_id
     if station_id is None:
         return
     if not steps:
@@ -94,10 +94,6 @@ async def shorten_standby(work: MissionUnitOfWork, record: MissionRecord, *, unt
     detail = f"the drone's next mission begins at {ms_to_moment(until_ms).isoformat()}"
     trouble = Trouble(code=NEXT_MISSION, detail=detail)
     await propose(work, record, revision, anchor=anchor, trouble=trouble)
-
-
-def _end_of(step: FlightStep) -> StationId:
-    return step.to_id if isinstance(step, FlyStep) else step.station_id
 
 
 async def give_back_pads(tx: Tx, records: Sequence[MissionRecord]) -> None:

@@ -30,6 +30,7 @@ from skyway_composition.tables import (
     drone_links,
     guests,
     is_live,
+    is_open,
     is_queued,
     missions,
     networks,
@@ -232,11 +233,11 @@ async def hosts_at(
     return [found[each] for each in ids if each in found]
 
 
-async def open_missions_on(connection: AsyncConnection, drone_id: DroneId) -> OpenMissions:
-    """The missions of a drone that are not over."""
-    return await _open_missions(
-        connection, and_(missions.c.drone_id == drone_id, or_(is_queued, is_live))
-    )
+async def open_missions_on(
+    connection: AsyncConnection, drone_ids: Collection[DroneId]
+) -> OpenMissions:
+    """The missions of these drones that are not over."""
+    return await _open_missions(connection, and_(missions.c.drone_id.in_(drone_ids), is_open))
 
 
 async def _open_missions(connection: AsyncConnection, where: ColumnElement[bool]) -> OpenMissions:

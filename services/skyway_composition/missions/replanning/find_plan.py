@@ -253,9 +253,9 @@ class PlanFinder:
             await self.context.networks.current(record.network_id),
             self.context.db,
             after_ms=self.context.now_ms,
-            without=[record.mission_id, *situation.queued.ids],
             supposed=supposed,
         )
+        world = world.without([record.mission_id, *situation.queued.ids])
         world = world.for_drone(record.candidate.learned)
         # Reads the weather of the model here, since this may take a while.
         await world.weather(situation.model, self.context.now_ms)

@@ -88,10 +88,9 @@ class StandbyRequests:
         if not is_same or not may_be_planned(situation, _WHY):
             return None
         skyway = await self.context.networks.current(record.network_id)
-        world = await World.of(
-            skyway, self.context.db, after_ms=self.context.now_ms, without=[record.mission_id]
-        )
-        world = world.instead({_UNBOOKED_MISSION: needed}).for_drone(record.candidate.learned)
+        world = await World.of(skyway, self.context.db, after_ms=self.context.now_ms)
+        world = world.without([record.mission_id]).instead({_UNBOOKED_MISSION: needed})
+        world = world.for_drone(record.candidate.learned)
         await world.weather(situation.model, self.context.now_ms)
         closed = ClosedAhead.of(world, now_ms=self.context.now_ms).for_model(situation.model)
         return Case(situation, _WHY, world, closed)

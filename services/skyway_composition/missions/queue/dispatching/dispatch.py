@@ -14,6 +14,7 @@ from skyway.runtime.errors import RowRefused
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.metrics import count, timed
 from skyway.runtime.sql.database import Tx
+from skyway.units import CHARGE_TOLERANCE
 from skyway_composition.calendar.attempts import Change, commit
 from skyway_composition.context import Context
 from skyway_composition.links.store import held_among, links_to
@@ -23,6 +24,7 @@ from skyway_composition.missions.queue.ask_registry import exchanging_tariffs, o
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, adopt
 from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments, Orders, fleet_of
 from skyway_composition.missions.queue.dispatching.fleet_problem import fleet_problem
+from skyway_composition.missions.queue.dispatching.idle_drones import idle_drones
 from skyway_composition.missions.queue.dispatching.merger import (
     MergedOrder,
     may_merge,
@@ -84,7 +86,7 @@ class DispatchTerms:
 class OrderFinder:
     """Finds better orders.
 
-    A fleet for which there was none is not searched again until its calendars change.
+    A fleet for which there was none is searched again when its calendars or idle drones change.
     """
 
     context: Context
@@ -134,9 +136,13 @@ class OrderFinder:
         # Calendars of an earlier network or closure are planned again first, and promises that have
         # to be firm by now become firm, without this search.
         has_promises = any(has_promise_to_make(each, now_ms=times.now_ms) for each in fleet.waiting)
-        if not _can_improve(fleet) or has_promises or not fleet.is_planned_in(world.present):
+        if not _has_waiting(fleet) or has_promises or not fleet.is_planned_in(world.present):
             return "unsearched"
-        if self._searched.get((network_id, *provider_ids)) == fleet.orders:
+        idle = await idle_drones(self.context, self.registry, fleet, world, times)
+        calendars = {**fleet.calendars, **free_to_take_off(idle, world, times).calendars}
+        fleet = replace(fleet, calendars=calendars).only([*calendars][:MAX_DRONES])
+        is_known = self._searched.get((network_id, *provider_ids)) == fleet.orders
+        if is_known or not _can_improve(fleet):
             return "unsearched"
         found = await self._better(fleet, world, times)
         if found in _SAME_AGAIN:
@@ -174,7 +180,7 @@ class OrderFinder:
             held = await held_among(connection, drone_ids, now_ms=times.now_ms)
             links = await links_to(connection, drone_ids)
         fleet = fleet_of(found.records, links, versions=found.versions, left_out=held, times=times)
-        if not _can_improve(fleet):
+        if not _has_waiting(fleet):
             return fleet
         # All other drones keep the missions that they have, and get no others.
         fleet = fleet.only([*fleet.calendars][:MAX_DRONES])
@@ -286,11 +292,13 @@ class OrderFinder:
 
 
 def free_to_take_off(fleet: Fleet, world: World, times: Moments) -> Fleet:
-    """The drones that no ground stop holds where their next missions would begin."""
+    """The drones that may take off where their next missions would begin in this network."""
     free = {
         drone_id
         for drone_id, each in fleet.calendars.items()
         if (slot := each.slot(not_before_ms=0, times=times)) is not None
+        and slot.station_id in world.skyway.network.stations
+        and slot.soc >= each.candidate.model.reserve_soc - CHARGE_TOLERANCE
         and world.conditions.ground_stop(
             each.candidate.model_copy(update={"station_id": slot.station_id}), at_ms=slot.at_ms
         )
@@ -299,10 +307,14 @@ def free_to_take_off(fleet: Fleet, world: World, times: Moments) -> Fleet:
     return fleet.only(free)
 
 
+def _has_waiting(fleet: Fleet) -> bool:
+    """Whether missions wait, and not too many for one search."""
+    return 1 <= len(fleet.waiting) <= _MOST_WAITING
+
+
 def _can_improve(fleet: Fleet) -> bool:
     """Whether there is something to exchange."""
-    waiting = len(fleet.waiting)
-    return 1 <= waiting <= _MOST_WAITING and (waiting > 1 or len(fleet.calendars) > 1)
+    return _has_waiting(fleet) and (len(fleet.waiting) > 1 or len(fleet.calendars) > 1)
 
 
 @dataclass(frozen=True, slots=True)

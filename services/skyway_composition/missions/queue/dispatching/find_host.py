@@ -199,7 +199,7 @@ class HostFinder:
     async def _fleet_of(self, host: MissionRecord, times: Moments) -> Fleet:
         """The calendar of the mission's drone; no calendar if nothing in it may change now."""
         async with self.context.db.read() as connection:
-            found = await store.open_missions_on(connection, host.drone_id)
+            found = await store.open_missions_on(connection, [host.drone_id])
             held = await held_among(connection, [host.drone_id], now_ms=times.now_ms)
             links = await links_to(connection, [host.drone_id])
         return fleet_of(found.records, links, versions=found.versions, left_out=held, times=times)

@@ -42,8 +42,8 @@ class Calendar:
     """A drone's missions that are not over, in order: sent, kept as they are, and waiting.
 
     `waiting` may move. `stays` are those of the last mission before them; an idle drone has none,
-    and is `here`. `candidate` is the drone as one of its missions was booked. `version` is the
-    number of the calendar.
+    and is `here`. `candidate` is the drone as one of its missions was booked, or as the registry
+    knows it now. `version` is the number of the calendar.
     """
 
     candidate: Candidate
@@ -163,20 +163,26 @@ def fleet_of(
     for drone_id, own in groupby(records, key=lambda each: each.drone_id):
         if drone_id in left_out:
             continue
-        calendar = _calendar_of(
-            [*own], links.get(drone_id), version=versions[drone_id], times=times
+        link, version, missions = links.get(drone_id), versions[drone_id], [*own]
+        calendar = calendar_of(
+            missions[0].candidate, link, version=version, times=times, missions=missions
         )
         if calendar is not None:
             found[drone_id] = calendar
     return Fleet(found)
 
 
-def _calendar_of(
-    own: Sequence[MissionRecord], link: DroneLink | None, *, version: int, times: Moments
+def calendar_of(
+    candidate: Candidate,
+    link: DroneLink | None,
+    *,
+    version: int,
+    times: Moments,
+    missions: Sequence[MissionRecord] = (),
 ) -> Calendar | None:
-    """The calendar of a drone; None if it cannot be planned now."""
-    live = next((each for each in own if each.is_live), None)
-    queued = [each for each in own if not each.is_live]
+    """The calendar of a drone with these missions; None if it cannot be planned now."""
+    live = next((each for each in missions if each.is_live), None)
+    queued = [each for each in missions if not each.is_live]
     # Missions that begin too soon to move.
     kept = tuple(takewhile(lambda each: each.start.at_ms <= times.last_kept_ms, queued))
     waiting = tuple(queued[len(kept) :])
@@ -191,7 +197,7 @@ def _calendar_of(
     if before is not None:
         here = None
     stays = () if before is None else before.stays
-    calendar = Calendar(own[0].candidate, live, kept, waiting, stays, here, version)
+    calendar = Calendar(candidate, live, kept, waiting, stays, here, version)
     return None if calendar.slot(not_before_ms=0, times=times) is None else calendar
 
 

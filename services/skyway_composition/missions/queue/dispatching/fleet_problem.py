@@ -12,7 +12,7 @@ from skyway.delivery.plan import Fly
 from skyway.dispatch.problem import CurrentTrip, FleetDrone, FleetRequest, Prices
 from skyway.ids import MissionId, PackageId, ProviderId, StationId
 from skyway.planner.pad_book import OPEN_MS
-from skyway.planner.problem_parts import PackageToDeliver, PadReservation
+from skyway.planner.problem_parts import PadReservation
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments
@@ -23,7 +23,7 @@ from skyway_composition.missions.queue.dispatching.plan_orders import (
 )
 from skyway_composition.missions.queue.plan_queue import latest_ms
 from skyway_composition.pads.store import PadHeldBy
-from skyway_composition.planning.problem_for import Standing, with_margins
+from skyway_composition.planning.problem_for import Standing, to_load, with_margins
 from skyway_composition.planning.world import World
 
 #: The most labels of the search for one trip. Our own choice: a trip that needs more is seldom the
@@ -126,12 +126,11 @@ def _request(
         request_id=record.mission_id,
         source=asked.pickup.station_id,
         packages=tuple(
-            PackageToDeliver(
-                package_id=PackageId(f"{number}_{place}"),
-                mass_kg=each.mass_kg,
-                destination=each.destination.station_id,
-                not_before_s=seconds(each.not_before_at),
-                latest_s=seconds(each.latest_at, later_s=spare_s),
+            to_load(each, start_ms=base_ms).model_copy(
+                update={
+                    "package_id": PackageId(f"{number}_{place}"),
+                    "latest_s": seconds(each.latest_at, later_s=spare_s),
+                }
             )
             for place, each in enumerate(asked.packages)
         ),

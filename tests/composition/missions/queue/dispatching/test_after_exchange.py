@@ -16,6 +16,7 @@ from tests.composition.busy_world import BusyWorld
 from tests.composition.dispatched_world import (
     RegistryInService,
     dispatcher_of,
+    look,
     waiting_missions,
 )
 from tests.composition.missions.queue.booked_chain import delivered_by, reports_of, request
@@ -24,7 +25,6 @@ from tests.composition.missions.queue.dispatching.test_exchange import (
     SAME,
     TwoProviders,
     book_unevenly,
-    look,
 )
 
 pytestmark = pytest.mark.databases("sqlite")

@@ -24,6 +24,7 @@ from tests.composition.dispatched_world import (
     RegistryInService,
     adopt_after_kills,
     dispatcher_of,
+    look,
     waiting_missions,
 )
 from tests.composition.flown_drone import FlownDrone
@@ -111,13 +112,6 @@ async def book_unevenly(
 def joint(world: BusyWorld, **tariffs: Tariff) -> Dispatcher:
     """A dispatcher; the providers that are named exchange deliveries, at these tariffs."""
     return dispatcher_of(world, registry=RegistryInService(tariffs=tariffs))
-
-
-async def look(world: BusyWorld, dispatcher: Dispatcher) -> list[str]:
-    """Look at all fleets as the dispatcher does, once; the outcomes."""
-    found = [await dispatcher.look_at(*each) for each in await dispatcher.finder.fleets()]
-    await world.check()
-    return found
 
 
 async def providers_of(world: BusyWorld) -> dict[str, str]:
@@ -351,3 +345,51 @@ async def test_an_exchange_that_is_killed_anywhere_changes_nothing(world: BusyWo
     await adopt_after_kills(world, dispatcher, await found_by(dispatcher))
 
     assert "prv_2" in {of for name, of in (await providers_of(world)).items() if name != "dlv5"}
+
+
+async def book_for_first(world: BusyWorld, qos: Mapping[str, Any] = AGREED) -> None:
+    """Two missions for the drone of the first provider; the second one waits for the drone."""
+    for name in ("dlv1", "dlv2"):
+        asked = request(name, "a", "b", qos={**qos})
+        drones = world.drones[:1]
+        assert await world.book(name, asked, loading="AUTOMATIC", drones=drones) == "BOOKED"
+        await world.keep_calendars()
+
+
+def with_an_idle_drone(world: BusyWorld, *, loading: str = "AUTOMATIC") -> Dispatcher:
+    """A dispatcher; both providers exchange deliveries, and the drone of the second is idle."""
+    registry = RegistryInService(
+        tariffs={"prv_1": SAME, "prv_2": SAME}, able=world.drones[1:], loading=loading
+    )
+    return dispatcher_of(world, registry=registry)
+
+
+async def test_a_mission_moves_to_an_idle_drone_of_a_provider_without_missions(
+    world: BusyWorld,
+) -> None:
+    await book_for_first(world)
+
+    assert await look(world, with_an_idle_drone(world)) == ["adopted"]
+
+    assert await providers_of(world) == {"dlv2": "prv_2"}
+    await world.end()
+    assert delivered_by(world, 2) == ["dlv2"]
+
+
+@pytest.mark.parametrize(
+    ("qos", "loading"),
+    [
+        ({}, "AUTOMATIC"),
+        (AGREED | {"providers": {"denied": ["prv_2"]}}, "AUTOMATIC"),
+        (AGREED, "CONFIRMED"),
+    ],
+    ids=["the customer does not allow it", "the customer denies it", "it loads otherwise"],
+)
+async def test_an_idle_drone_of_another_provider_gets_no_mission_if(
+    world: BusyWorld, qos: dict[str, Any], loading: str
+) -> None:
+    await book_for_first(world, qos)
+
+    await look(world, with_an_idle_drone(world, loading=loading))
+
+    assert await providers_of(world) == {"dlv2": "prv_1"}
