@@ -7,9 +7,12 @@ from typing import Final
 
 import pytest
 
+from tests.long_cases import sampled
+
 _LOADED: Final = """
 import importlib, json, sys
 from skyway.runtime.loading import begin_loading
+from tests.long_cases import sampled
 begin_loading()
 importlib.import_module(sys.argv[1])
 print(json.dumps(sorted(name for name, module in sys.modules.items() if module is not None)))
@@ -17,7 +20,10 @@ print(json.dumps(sorted(name for name, module in sys.modules.items() if module i
 
 
 @pytest.mark.parametrize(
-    "app", ["skyway_gateway.app", "skyway_provider_registry.app", "skyway_composition.app"]
+    "app",
+    sampled(
+        ["skyway_composition.app", "skyway_gateway.app", "skyway_provider_registry.app"], every=3
+    ),
 )
 def test_a_service_loads_neither_a_command_line_nor_the_driver_of_a_server(app: str) -> None:
     run = subprocess.run(
