@@ -69,7 +69,7 @@ async def lived(gateway_on_both: Gateway) -> Any:
     return gateway
 
 
-@pytest.mark.databases("sqlite")
+@pytest.mark.databases("postgresql")
 @pytest.mark.parametrize(
     ("damage", "rule"), [row[1:] for row in DAMAGES], ids=[row[0] for row in DAMAGES]
 )
@@ -79,7 +79,7 @@ async def test_damage_is_found(lived: Any, damage: str, rule: str) -> None:
     assert any(found.startswith(rule) for found in await lived.verified())
 
 
-@pytest.mark.databases("sqlite")
+@pytest.mark.databases("postgresql")
 @pytest.mark.parametrize(
     "damage",
     [

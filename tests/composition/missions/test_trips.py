@@ -117,7 +117,6 @@ async def test_two_trips_are_booked_both_or_not_at_all(composition: Any, make: A
 
 
 @pytest.mark.databases("postgresql")
-@pytest.mark.databases("sqlite", "postgresql")
 async def test_deliveries_that_need_two_drones_never_get_only_one(
     composition: Any, make: Any
 ) -> None:

@@ -12,7 +12,6 @@ from tests.long_cases import sampled
 _LOADED: Final = """
 import importlib, json, sys
 from skyway.runtime.loading import begin_loading
-from tests.long_cases import sampled
 begin_loading()
 importlib.import_module(sys.argv[1])
 print(json.dumps(sorted(name for name, module in sys.modules.items() if module is not None)))

@@ -213,7 +213,6 @@ async def test_a_standby_does_not_give_way_to_another_standby(world: BusyWorld) 
 
 
 @pytest.mark.databases("postgresql")
-@pytest.mark.databases("sqlite", "postgresql")
 async def test_two_services_share_a_pad_before_any_standby(world: BusyWorld) -> None:
     await come_home(world)
     assert await book(world, "third", "a", "b", drone=2) == "BOOKED"

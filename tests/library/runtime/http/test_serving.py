@@ -31,7 +31,6 @@ from starlette.routing import Route
 from skyway.runtime.http.serving import serve
 from skyway.runtime.tracing import configure_logs
 import asyncio, os
-from tests.long_cases import sampled
 
 async def forever():
     yield b"begun"
