@@ -4,11 +4,10 @@ from typing import Any
 
 import pytest
 
-pytestmark = pytest.mark.end_to_end
+pytestmark = [pytest.mark.end_to_end, pytest.mark.long]
 
 
 @pytest.mark.storage_pair("embedded")
-@pytest.mark.long
 def test_an_online_drone_is_preferred_to_an_offline_drone(system: Any) -> None:
     system.publish_corridor("away")
     away = system.start_fleet(["away-s1"], name="Away Air")
