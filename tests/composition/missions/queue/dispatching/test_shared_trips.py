@@ -329,7 +329,6 @@ async def test_a_cancellation_between_planning_and_joining_has_the_request_fly_a
     await world.check()
 
 
-@pytest.mark.long
 @_on_sqlite
 async def test_requests_that_join_in_parallel_all_fly(world: BusyWorld) -> None:
     await book(world, "dlv1", asks("b"))
@@ -350,7 +349,6 @@ class _KilledError(Exception):
     """The process ends here, as after kill -9."""
 
 
-@pytest.mark.long
 @_on_sqlite
 async def test_a_kill_before_the_end_of_the_transaction_leaves_the_calendar_whole(
     world: BusyWorld,
