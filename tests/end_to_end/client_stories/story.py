@@ -131,7 +131,7 @@ def main() -> None:
         assert package.dropoff_proof.given_by == "RECIPIENT"
         assert Shop.has_last.wait(LONGEST_WAIT_S)
         assert spent(skyway, events[-1]) > 0
-        # Whoever gets this port next must not be notified.
+        # The next owner of this port must not be notified.
         skyway.send(delete_webhook(issued.webhook_id))
     server.shutdown()
     assert asyncio.run(look_back(url, key, delivery.delivery_id)) == events

@@ -22,7 +22,7 @@ _HOST: Final = "127.0.0.1"
 class WebhookServer:
     """An HTTP server on loopback; each customer has a path and a secret.
 
-    Another system may still notify whoever had this port before. The paths of a run are its own,
+    Another system may still notify the last owner of this port. The paths of a run are its own,
     and calls of any other path are answered 404.
     """
 
