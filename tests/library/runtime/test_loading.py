@@ -7,8 +7,6 @@ from typing import Final
 
 import pytest
 
-from tests.long_cases import sampled
-
 _LOADED: Final = """
 import importlib, json, sys
 from skyway.runtime.loading import begin_loading
@@ -19,10 +17,7 @@ print(json.dumps(sorted(name for name, module in sys.modules.items() if module i
 
 
 @pytest.mark.parametrize(
-    "app",
-    sampled(
-        ["skyway_composition.app", "skyway_gateway.app", "skyway_provider_registry.app"], every=3
-    ),
+    "app", ["skyway_gateway.app", "skyway_provider_registry.app", "skyway_composition.app"]
 )
 def test_a_service_loads_neither_a_command_line_nor_the_driver_of_a_server(app: str) -> None:
     run = subprocess.run(
