@@ -116,7 +116,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def _is_on_its_database(item: pytest.Item) -> bool:
     """Whether a test runs on this database, as its closest `databases` mark says."""
     mark, case = item.get_closest_marker("databases"), getattr(item, "callspec", None)
-    dialect = case and case.params.get("migrated_url")
+    dialect = case and case.params.get("migrated_url", case.params.get("database_url"))
     return mark is None or dialect is None or dialect in mark.args
 
 

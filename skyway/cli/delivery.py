@@ -12,7 +12,7 @@ import typer
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.event_text import event_text
-from skyway.cli.gateway import call_gateway, fail, read_keys
+from skyway.cli.gateway import call_gateway, fail, read_keys, trusted_roots
 from skyway.cli.request_options import (
     CUSTOMER_KEY,
     EarliestPickupOption,
@@ -209,7 +209,8 @@ def _follow(folder: DataFolder, delivery_id: str, *, as_json: bool = False) -> N
                     if event_type in _PLAN_EVENTS and not as_json:
                         _print_proofs(console, folder, delivery_id)
                     if progress is not None:
-                        progress.show(httpx.get(url, headers=key).raise_for_status().json())
+                        answer = httpx.get(url, headers=key, verify=trusted_roots())
+                        progress.show(answer.raise_for_status().json())
             except (httpx.TransportError, httpx.HTTPStatusError) as error:
                 # The next stream continues after the last event that was printed.
                 typer.echo(f"{error}; connecting again", err=True)
@@ -238,7 +239,9 @@ def _print_events(
     import httpx
 
     timeout = httpx.Timeout(10, read=None)
-    with httpx.stream("GET", f"{url}/events", headers=headers, timeout=timeout) as lines:
+    with httpx.stream(
+        "GET", f"{url}/events", headers=headers, timeout=timeout, verify=trusted_roots()
+    ) as lines:
         for line in lines.iter_lines():
             name, _, value = line.partition(": ")
             if name == "id":

@@ -1,10 +1,12 @@
 """A day in virtual time, at its smallest."""
 
+import pytest
 from skyway_lab.benchmarks.days.day import Trial
 
 from tests.composition.virtual_day import fly_virtually
 
 
+@pytest.mark.long
 async def test_a_stormy_day_with_a_forecast_delivers_and_says_how() -> None:
     trial = Trial(
         "stormy",

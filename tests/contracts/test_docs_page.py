@@ -41,6 +41,7 @@ def url() -> Iterator[str]:
         thread.join()
 
 
+@pytest.mark.long
 def test_a_browser_shows_every_operation_on_the_docs_page(url: str, tmp_path: Path) -> None:
     paths = json.loads((ROOT / "openapi" / "gateway.json").read_text("utf-8"))["paths"]
 

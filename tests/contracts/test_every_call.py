@@ -21,6 +21,7 @@ from tests.contracts.every_call import (
     members_of,
     schemas_of,
 )
+from tests.long_cases import sampled
 
 #: Values of each JSON type, and texts that only look like one of another type.
 VALUES: Final[dict[str, tuple[Any, ...]]] = {
@@ -56,12 +57,12 @@ def wrong_values(forms: list[dict[str, Any]]) -> list[Any]:
     return wrong + (["1795428000", "2026-03-02", "2026-03-02T09:16:00"] if is_moment else [])
 
 
-@pytest.mark.parametrize("values_each", [2, pytest.param(99, marks=pytest.mark.long)])
+@pytest.mark.parametrize("values_each", sampled([1, 99], every=2))
 @pytest.mark.parametrize("service", SERVICES)
 async def test_a_scalar_of_a_wrong_type_is_refused_with_its_name(
     service: str, values_each: int
 ) -> None:
-    """The sample tries two of the wrong values at each member of each call, in turns."""
+    """The sample tries one of the wrong values at each member of each call, in turns."""
     tried, wrong = 0, []
     async with client_of(service) as client:
         for call in calls(service):
@@ -81,7 +82,7 @@ async def test_a_scalar_of_a_wrong_type_is_refused_with_its_name(
     assert not wrong, "\n".join(map(str, wrong))
 
 
-@pytest.mark.parametrize("name", message_examples())
+@pytest.mark.parametrize("name", sampled(message_examples(), every=4))
 def test_a_scalar_of_a_wrong_type_makes_a_message_unreadable(name: str) -> None:
     example, schema = message_examples()[name], message_schemas(TOPICS)[name]
     body, read = example.model_dump(mode="json"), []

@@ -31,6 +31,7 @@ def test_the_problem_is_the_one_on_the_page() -> None:
     assert json.loads((EXAMPLES / "problem.json").read_text()) == PROBLEM
 
 
+@pytest.mark.long
 def test_the_notebook_draws_a_plan_and_both_figures_of_the_paper(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,7 +8,8 @@ from tools.plant_mutants import mutants, page
 
 ROOT = Path(__file__).parents[2]
 MUTANTS = mutants()
-LONG = "pytest.mark.long"
+#: How a test or some of its cases are marked: see tests/long_cases.py.
+LONG = ("pytest.mark.long", "sampled(")
 
 
 @cache
@@ -24,9 +25,9 @@ def names_of_tests(path: Path) -> frozenset[str]:
         if isinstance(node, ast.Assign)
         for target in node.targets
     }
-    if LONG in assigned.get("pytestmark", ""):
+    if _names_mark(assigned.get("pytestmark", "")):
         return frozenset()
-    long_names = {name for name, value in assigned.items() if LONG in value}
+    long_names = {name for name, value in assigned.items() if _names_mark(value)}
     return frozenset(
         node.name
         for node in nodes
@@ -35,10 +36,14 @@ def names_of_tests(path: Path) -> frozenset[str]:
     )
 
 
+def _names_mark(source: str) -> bool:
+    return any(mark in source for mark in LONG)
+
+
 def _is_long(decorator: ast.expr, long_names: set[str]) -> bool:
     """Whether a decorator marks a test or one of its cases `long`, here or by an assigned name."""
     names = {node.id for node in ast.walk(decorator) if isinstance(node, ast.Name)}
-    return LONG in ast.unparse(decorator) or not names.isdisjoint(long_names)
+    return _names_mark(ast.unparse(decorator)) or not names.isdisjoint(long_names)
 
 
 def test_the_tool_writes_the_same_page() -> None:
@@ -81,6 +86,9 @@ def test_with_a_long_case(n): ...
 
 @pytest.mark.parametrize("n", SOME)
 def test_with_a_long_case_by_name(n): ...
+
+@pytest.mark.parametrize("n", sampled([1, 2], every=2))
+def test_of_which_a_sample_is_run(n): ...
 
 @pytest.mark.long
 def test_long(): ...

@@ -13,10 +13,12 @@ from typing import Any
 import pytest
 from skyway_drone_agent.__main__ import News
 
+from tests.long_cases import sampled
+
 COMMAND = [sys.executable, "-m", "skyway_drone_agent"]
 
 
-@pytest.fixture(params=[1, 2], ids=["a drone", "a fleet"])
+@pytest.fixture(params=sampled([2, 1], every=2), ids=["a fleet", "a drone"])
 def files(request: pytest.FixtureRequest, tmp_path: Path, drone: Any) -> list[str]:
     """Arguments for drones whose broker nobody serves; a fleet has another event loop."""
     drones = [

@@ -47,6 +47,7 @@ def test_a_key_opens_the_console_and_a_wrong_key_does_not(browser: Browser, syst
     expect(page.get_by_label("API key")).to_be_visible()
 
 
+@pytest.mark.long
 def test_a_login_link_opens_the_console_once(browser: Browser, system: Any) -> None:
     url = login_link(system, "SKYWAY_OPERATOR_KEY")
     first, second = ConsolePage(browser, system), ConsolePage(browser, system)
@@ -134,6 +135,7 @@ def open_streams(pages: list[Page]) -> int:
     return sum(page.evaluate(_OPEN_STREAMS) for page in pages)
 
 
+@pytest.mark.long
 def test_tabs_of_a_browser_share_one_stream(browser: Browser, system: Any) -> None:
     """Another tab takes over within seconds from one that is closed or stands still."""
     console = ConsolePage(browser, system)

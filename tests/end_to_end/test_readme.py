@@ -35,6 +35,7 @@ def test_the_four_commands_in_the_readme_complete_a_delivery(system: Any) -> Non
     assert all(line[:1] != "{" for line in done.stderr.splitlines()), done.stderr
 
 
+@pytest.mark.long
 def test_the_commands_in_the_readme_complete_a_delivery(system: Any) -> None:
     (pasted,) = re.findall(r"```bash\n(.*?)```", README, re.DOTALL)
     folder = system.folder.path.parent

@@ -6,7 +6,7 @@ import pytest
 
 from tests.end_to_end.corridor_network import corridor
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("embedded")]
+pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("embedded"), pytest.mark.long]
 
 
 def flown_steps(system: Any, delivery_id: str) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("embedded")]
+pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("embedded"), pytest.mark.long]
 
 
 def test_waiting_requests_are_booked_by_class_when_their_drone_comes_online(system: Any) -> None:

@@ -69,6 +69,7 @@ async def lived(gateway_on_both: Gateway) -> Any:
     return gateway
 
 
+@pytest.mark.databases("postgresql")
 @pytest.mark.parametrize(
     ("damage", "rule"), [row[1:] for row in DAMAGES], ids=[row[0] for row in DAMAGES]
 )
@@ -78,6 +79,7 @@ async def test_damage_is_found(lived: Any, damage: str, rule: str) -> None:
     assert any(found.startswith(rule) for found in await lived.verified())
 
 
+@pytest.mark.databases("postgresql")
 @pytest.mark.parametrize(
     "damage",
     [

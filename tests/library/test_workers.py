@@ -75,6 +75,7 @@ def test_an_error_of_a_task_on_a_cluster_reaches_the_caller(ray_address):
             future.result()
 
 
+@pytest.mark.long
 def test_local_workers_find_the_plan_that_is_found_here():
     problem = small_fleet(3, drones=3, requests=6)
 

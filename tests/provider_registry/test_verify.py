@@ -46,6 +46,7 @@ BREAKS: dict[str, tuple[Executable, str]] = {
 }
 
 
+@pytest.mark.databases("sqlite")
 @pytest.mark.parametrize("rule", BREAKS)
 async def test_a_broken_rule_is_found(api: Any, db: Database, rule: str) -> None:
     await api.drone(await api.provider())

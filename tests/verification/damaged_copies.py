@@ -2,7 +2,7 @@
 
 import shutil
 import sqlite3
-from collections.abc import AsyncIterator, Iterable, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import AsyncExitStack, ExitStack, asynccontextmanager, closing, contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final, Self
 
 from skyway_verifier.across.rules import ACROSS
-from skyway_verifier.check import RULES, check, checked_as
+from skyway_verifier.check import RULES, Checked, check, checked_as
 from skyway_verifier.rule import BrokenRule
 
 from skyway.runtime.clock import FleetClock
@@ -80,18 +80,23 @@ class StoppedSystem:
     async def broken(self, corruption: Corruption) -> list[BrokenRule]:
         """The rules that are broken after a corruption, which is undone.
 
-        If one service's own rule must name the corruption, no other database is looked at.
+        If one service's own rule must name the corruption, no other rule is checked.
         """
         with ExitStack() as damages:
             for service, script in corruption.scripts.items():
                 damages.enter_context(self.damaged(service, script))
-            own = {each.name for service in corruption.scripts for each in RULES[service]}
-            services = corruption.scripts if corruption.rule in own else RULES
-            return await self.looked_at_again(services)
+            own = {
+                service: Checked(surveyed_soon(self._open[service]), rules)
+                for service in corruption.scripts
+                if (rules := [each for each in RULES[service] if each.name == corruption.rule])
+            }
+            return await self.looked_at_again(own)
 
-    async def looked_at_again(self, services: Iterable[str] = RULES) -> list[BrokenRule]:
-        """The rules that are broken in the copies of these databases as they are now."""
-        databases = {name: checked_as(name, surveyed_soon(self._open[name])) for name in services}
+    async def looked_at_again(self, only: Mapping[str, Checked] | None = None) -> list[BrokenRule]:
+        """The rules that are broken in the copies as they are now: only these rules, or all."""
+        databases = only or {
+            name: checked_as(name, surveyed_soon(self._open[name])) for name in RULES
+        }
         found = await check(
             databases, ACROSS, wall_at=self._wall_at, fleet_at=self._fleet_at, pauses_s=NO_PAUSE
         )

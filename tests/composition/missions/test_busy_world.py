@@ -30,6 +30,7 @@ def test_no_invariant_breaks_in_any_order_of_events(migrated_url: str) -> None:
     play_story()
 
 
+@pytest.mark.long
 @pytest.mark.databases("postgresql")
 def test_the_same_actions_lead_to_the_same_reports(migrated_url: str) -> None:
     """On PostgreSQL, where rows have no order of their own."""

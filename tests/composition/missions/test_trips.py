@@ -116,7 +116,7 @@ async def test_two_trips_are_booked_both_or_not_at_all(composition: Any, make: A
     assert {table: await count(composition, table) for table in tables} == dict.fromkeys(tables, 0)
 
 
-@pytest.mark.databases("sqlite", "postgresql")
+@pytest.mark.databases("postgresql")
 async def test_deliveries_that_need_two_drones_never_get_only_one(
     composition: Any, make: Any
 ) -> None:

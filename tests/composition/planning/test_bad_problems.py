@@ -53,6 +53,7 @@ async def test_one_answer_names_all_faults(composition: Any, good_problem: Any) 
     assert problem["detail"].endswith("; and 1 more")
 
 
+@pytest.mark.long
 async def test_a_million_packages_get_a_short_answer(composition: Any, good_problem: Any) -> None:
     package = {"mass_kg": -1}
 
@@ -75,6 +76,7 @@ async def test_very_deep_json_is_refused(composition: Any) -> None:
     assert answer.headers["content-type"] == "application/problem+json"
 
 
+@pytest.mark.long
 async def test_a_wrong_field_is_named_with_a_published_network_too(
     composition: Any, make: Any, bad_problems: Any, subtests: pytest.Subtests
 ) -> None:

@@ -18,6 +18,7 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.planner.problem import Problem
 from skyway.scheduling.trip import Trip
 from skyway.units import moment_to_ms
+from tests.long_cases import sampled
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
@@ -165,7 +166,7 @@ async def test_the_division_is_the_best_by_the_objective_of_the_customer(
     assert len(offers.ranked[0].parts) == trips
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", sampled(range(12), every=3))
 async def test_an_order_has_an_offer_if_and_only_if_some_division_of_it_has_a_plan(
     composition: Any, make: Any, seed: int
 ) -> None:

@@ -9,6 +9,7 @@ from skyway_drone_agent.simulated.disturbances import Disturbances
 
 from skyway.geo import Position
 from skyway.ids import StationId
+from tests.long_cases import sampled
 
 SHORT = {"flight_energy_factor": 1.4}
 BROKEN = {"motor": {"share": 1.0, "after_s": 200}}
@@ -75,7 +76,7 @@ HAPPENS = [
 
 
 @pytest.mark.parametrize("when", ["dies_before", "dies_after"])
-@pytest.mark.parametrize("write", range(1, 21))
+@pytest.mark.parametrize("write", sampled(range(1, 21), every=4))
 async def test_after_a_crash_at_any_record_of_a_divert_each_step_still_happens_once(
     world: Any, cloud: Any, steps: Any, write: int, when: str
 ) -> None:

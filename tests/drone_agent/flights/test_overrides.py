@@ -5,6 +5,8 @@ from typing import Any
 import pytest
 from skyway_drone_agent.simulated.disturbances import Disturbances
 
+from tests.long_cases import sampled
+
 DRIFT = {"drift": {"share": 1.0, "after_s": 60, "most_m": 900}}
 
 
@@ -111,7 +113,7 @@ async def test_the_last_battery_level_is_never_overridden(
 
 
 @pytest.mark.parametrize("when", ["dies_before", "dies_after"])
-@pytest.mark.parametrize("later", [1, 2, 3])
+@pytest.mark.parametrize("later", sampled([1, 2, 3], every=3))
 async def test_after_a_crash_around_an_override_it_still_holds(
     world: Any, cloud: Any, steps: Any, later: int, when: str
 ) -> None:

@@ -13,6 +13,7 @@ from tests.drone_agent.simulation.rehearsal.mutants import AGENT, MUTANTS, Mutan
 from tests.drone_agent.simulation.rehearsal.story import Ending, Story, play
 from tests.drone_agent.simulation.rehearsal.sweep import SCENARIOS, stories_of
 from tests.drone_agent.simulation.rehearsal.whims import KINDS, Whim
+from tests.long_cases import sampled
 
 #: What befalls a story when nothing is to befall it by chance.
 NOTHING: tuple[Whim, ...] = ()
@@ -23,9 +24,7 @@ def broken(endings: list[Ending]) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
-@pytest.mark.parametrize(
-    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3))]
-)
+@pytest.mark.parametrize("seed", sampled(range(4), every=4))
 def test_nothing_is_broken_wherever_the_power_fails(seed: int, scenario: str) -> None:
     endings = list(stories_of(seed, scenario, how_many=3))
 
@@ -41,7 +40,7 @@ def test_nothing_is_broken_at_any_moment_of_one_whole_mission() -> None:
 
 
 @pytest.mark.parametrize("step_kind", ["PICK_UP", "FLY", "RECHARGE", "DELIVER", "RETURN"])
-@pytest.mark.parametrize("down_s", [3.0, 400.0])
+@pytest.mark.parametrize("down_s", sampled([400.0, 3.0], every=2))
 def test_a_restart_within_any_step_breaks_nothing(step_kind: str, down_s: float) -> None:
     kill = Whim("KILL_IN_STEP", at_s=1.0, for_s=down_s, step_kind=step_kind)
     home = Whim("RETURN_HOME", at_s=400.0)
@@ -53,7 +52,7 @@ def test_a_restart_within_any_step_breaks_nothing(step_kind: str, down_s: float)
     assert any(step_kind in one.step_kinds for one in endings)
 
 
-@pytest.mark.parametrize("kind", sorted(set(KINDS)))
+@pytest.mark.parametrize("kind", sampled(sorted(set(KINDS)), every=3))
 def test_no_disruption_breaks_an_invariant(kind: str) -> None:
     stories = [
         Story(seed, "windy", whims=(Whim(kind, at_s=60.0 + 110.0 * seed, for_s=300.0),))

@@ -58,7 +58,7 @@ DAMAGES = [
 ]
 
 
-@pytest.mark.databases("sqlite")
+@pytest.mark.databases("postgresql")
 @pytest.mark.parametrize(
     ("damage", "rule"),
     [

@@ -61,6 +61,7 @@ def test_a_hold_is_shown_on_the_map_and_undone(watched: StagedPage) -> None:
     expect(page.get_by_role("button", name="Undo")).to_have_count(0)
 
 
+@pytest.mark.long
 def test_a_closed_station_is_opened_again_by_undo(watched: StagedPage) -> None:
     path = "/v1/stations/b/closures"
     affected = {"mission_id": "msn_1", "drone_id": "drn_1", "at": "2026-03-01T12:05:00Z"}
@@ -100,6 +101,7 @@ def test_an_alarm_is_acknowledged_after_a_question(watched: StagedPage) -> None:
     assert f"POST {path}?" in watched.asked
 
 
+@pytest.mark.long
 def test_a_drone_in_maintenance_is_put_back_by_undo(watched: StagedPage) -> None:
     drones = "/v1/providers/prv_1/drones"
     drone = {"drone_id": "drn_1", "provider_id": "prv_1", "name": "Heron", "state": "AVAILABLE"}

@@ -6,7 +6,7 @@ from playwright.sync_api import expect
 from tests.end_to_end.browser import needs_browser
 from tests.gateway.console.staged_page import StagedPage
 
-pytestmark = [pytest.mark.integration, needs_browser]
+pytestmark = [pytest.mark.integration, needs_browser, pytest.mark.long]
 
 
 def test_a_console_whose_file_was_refused_says_what_to_do(stage: StagedPage) -> None:

@@ -118,6 +118,7 @@ def test_a_package_is_ordered_with_its_proof(page: Page) -> None:
     assert proven["packages"][0]["dropoff_verification"] == {"method": "PIN"}
 
 
+@pytest.mark.long
 def test_a_station_that_is_chosen_later_replaces_the_place(page: Page) -> None:
     page.get_by_role("combobox", name="Pickup").select_option("a")
     choose_address(page, "Deliver here")
@@ -129,6 +130,7 @@ def test_a_station_that_is_chosen_later_replaces_the_place(page: Page) -> None:
     assert body["packages"][0]["destination"] == {"station_id": "b"}
 
 
+@pytest.mark.long
 def test_a_click_beside_the_stations_chooses_the_point(stage: StagedPage, page: Page) -> None:
     place = page.wait_for_function(
         """() => {
@@ -146,6 +148,7 @@ def test_a_click_beside_the_stations_chooses_the_point(stage: StagedPage, page: 
     assert abs(float(parse_qs(searched.partition("?")[2])["longitude"][0]) - 0.4) < 0.01
 
 
+@pytest.mark.long
 def test_coordinates_and_plus_codes_are_asked_as_such(stage: StagedPage, page: Page) -> None:
     for typed in ("29.88, -97.94", "V3M5+8C San Marcos"):
         page.get_by_label("Address, plus code").fill(typed)
@@ -238,6 +241,7 @@ def test_an_order_that_was_not_taken_for_lack_of_time_is_sent_again(
     assert sent[0] == sent[1]
 
 
+@pytest.mark.long
 def test_the_pickup_of_the_last_delivery_is_suggested_unless_one_is_chosen(
     stage: StagedPage, page: Page
 ) -> None:
@@ -251,6 +255,7 @@ def test_the_pickup_of_the_last_delivery_is_suggested_unless_one_is_chosen(
     expect(pickup).to_have_value("")
 
 
+@pytest.mark.long
 def test_a_station_is_found_by_a_part_of_its_name(stage: StagedPage, page: Page) -> None:
     named: Any = deepcopy(TWO_STATIONS)
     named["features"][1]["properties"]["name"] = "Beta Square"
@@ -269,6 +274,7 @@ def test_a_station_is_found_by_a_part_of_its_name(stage: StagedPage, page: Page)
     expect(search).to_have_value("")
 
 
+@pytest.mark.long
 def test_busy_drones_say_how_long_the_wait_probably_is(stage: StagedPage, page: Page) -> None:
     reason = {"provider_id": None, "code": "BUSY", "detail": "busy", "is_temporary": True}
     free = {"data": {"free_at": "2026-03-01T12:20:00Z"}}
@@ -294,6 +300,7 @@ def test_busy_drones_say_how_long_the_wait_probably_is(stage: StagedPage, page: 
     assert body["packages"][0]["destination"] == {"station_id": "b"}
 
 
+@pytest.mark.long
 def test_a_place_without_a_station_near_is_said(stage: StagedPage, page: Page) -> None:
     stage.answers["/v1/places"] = {"candidates": []}
     page.get_by_label("Address, plus code").fill("Nowhere")
@@ -303,6 +310,7 @@ def test_a_place_without_a_station_near_is_said(stage: StagedPage, page: Page) -
     expect(page.get_by_text("No station of this network is near")).to_be_visible()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", [390, 360])
 def test_the_form_fits_a_phone_with_targets_for_a_thumb(page: Page, width: int) -> None:
     page.set_viewport_size({"width": width, "height": 844})

@@ -143,6 +143,7 @@ def test_a_customer_sees_the_plan_without_what_the_drone_reported(story: StagedP
     assert not any("/v1/missions" in each for each in story.asked)
 
 
+@pytest.mark.long
 def test_the_sections_of_a_delivery_fold_on_a_phone(story: StagedPage) -> None:
     story.page.set_viewport_size({"width": 360, "height": 740})
     page = story.open("/console#/deliveries/dlv_1").page
@@ -156,6 +157,7 @@ def test_the_sections_of_a_delivery_fold_on_a_phone(story: StagedPage) -> None:
     assert serious_problems(page) == []
 
 
+@pytest.mark.long
 def test_the_webhooks_of_a_delivery_are_read_when_they_are_opened(story: StagedPage) -> None:
     webhooks = {"items": [{"webhook_id": "whk_1", "url": "https://shop.example/hook"}]}
     sent = {"event_type": "delivery.replanned", "outcome": "FAILED", "status": 500}

@@ -96,6 +96,7 @@ def test_a_question_and_the_login_are_accessible(browser: Browser) -> None:
     stage.close()
 
 
+@pytest.mark.long
 def test_the_hints_of_an_empty_system_are_accessible(stage: StagedPage) -> None:
     stage.answers["/v1/system"] = {"small_world": "AVAILABLE", "services": []}
     page = stage.open("/console#/map").page
@@ -105,6 +106,7 @@ def test_the_hints_of_an_empty_system_are_accessible(stage: StagedPage) -> None:
     assert serious_problems(page) == []
 
 
+@pytest.mark.long
 def test_an_own_base_map_lies_below_the_fleet(stage: StagedPage) -> None:
     """Addresses of the style lie in the folder of the base map."""
     lake = {
@@ -136,6 +138,7 @@ def test_an_own_base_map_lies_below_the_fleet(stage: StagedPage) -> None:
     assert "segments" in layers
 
 
+@pytest.mark.long
 def test_an_own_base_map_may_be_one_file_of_tiles(stage: StagedPage, tmp_path: Path) -> None:
     """The console reads parts of a PMTiles file, as the gateway sends them."""
     write_archive(tmp_path / "world.pmtiles")

@@ -74,6 +74,7 @@ def test_a_wait_that_has_ended_offers_no_confirmation(stage: StagedPage) -> None
     expect(card.get_by_role("button")).to_have_count(0)
 
 
+@pytest.mark.long
 def test_a_signature_is_shown_to_the_customer(stage: StagedPage) -> None:
     page = open_delivery(stage, package("p1", state="DELIVERED", proof=SIGNED))
 

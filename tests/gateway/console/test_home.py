@@ -71,6 +71,7 @@ def test_an_operator_sees_what_needs_somebody(browser: Browser) -> None:
     stage.close()
 
 
+@pytest.mark.long
 def test_a_provider_sees_its_earnings_and_the_next_maintenance(browser: Browser) -> None:
     stage = staged(browser, "provider")
     page = stage.open("/console").page

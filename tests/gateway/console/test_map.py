@@ -170,6 +170,7 @@ def test_drones_of_a_small_map_are_one_count(scripts: Page) -> None:
     ]
 
 
+@pytest.mark.long
 def test_the_ground_is_drawn_and_the_largest_station_keeps_its_name(corridor: StagedPage) -> None:
     page = corridor.open("/console#/map").page
     corridor.send(LIVE, "snapshot", {})
@@ -192,6 +193,7 @@ def test_the_ground_is_drawn_and_the_largest_station_keeps_its_name(corridor: St
     expect(page.locator(".maplibregl-ctrl-attrib")).to_contain_text("OpenStreetMap")
 
 
+@pytest.mark.long
 def test_a_phone_has_the_legend_the_search_and_panels_as_sheets(corridor: StagedPage) -> None:
     corridor.page.set_viewport_size({"width": 360, "height": 780})
     page = corridor.open("/console#/map").page

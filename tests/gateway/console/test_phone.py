@@ -8,7 +8,7 @@ from tests.gateway.console.hostile_names import PICTURE
 from tests.gateway.console.staged_page import LIVE
 from tests.gateway.console.test_every_view import VIEWS, staged
 
-pytestmark = [pytest.mark.integration, needs_browser]
+pytestmark = [pytest.mark.integration, needs_browser, pytest.mark.long]
 
 #: What does not fit on the screen, and what is too small for a finger. Links within a sentence and
 #: the bars of charts are not meant for fingers alone.

@@ -8,7 +8,7 @@ from playwright.sync_api import expect
 from tests.end_to_end.browser import needs_browser
 from tests.gateway.console.staged_page import LIVE, StagedPage, delivery
 
-pytestmark = [pytest.mark.integration, needs_browser]
+pytestmark = [pytest.mark.integration, needs_browser, pytest.mark.long]
 
 
 def test_a_closed_area_is_opened_only_after_a_question(stage: StagedPage) -> None:

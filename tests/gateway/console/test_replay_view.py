@@ -8,7 +8,7 @@ from playwright.sync_api import expect
 from tests.end_to_end.browser import needs_browser, serious_problems
 from tests.gateway.console.staged_page import StagedPage
 
-pytestmark = [pytest.mark.integration, needs_browser]
+pytestmark = [pytest.mark.integration, needs_browser, pytest.mark.long]
 
 
 def page_of(*items: Any) -> dict[str, Any]:

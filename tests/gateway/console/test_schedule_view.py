@@ -115,6 +115,7 @@ def test_new_plans_of_the_last_hour_say_what_they_changed(booked: StagedPage) ->
     expect(changes).to_contain_text("p1 as before; p2 8 min later")
 
 
+@pytest.mark.long
 def test_buttons_change_the_span(booked: StagedPage) -> None:
     page = booked.open("/console#/schedule").page
     booked.send(LIVE, "snapshot", PICTURE)
@@ -124,6 +125,7 @@ def test_buttons_change_the_span(booked: StagedPage) -> None:
         expect(first).to_have_text(shown)
 
 
+@pytest.mark.long
 def test_a_phone_shows_the_next_trips_of_each_drone(booked: StagedPage) -> None:
     booked.page.set_viewport_size({"width": 360, "height": 740})
     page = booked.open("/console#/schedule").page

@@ -76,6 +76,7 @@ def test_a_closed_pad_counts_once(
     assert [each["properties"]["pads"] for each in points["features"]] == [shown]
 
 
+@pytest.mark.long
 def test_a_stream_that_goes_on_is_shown_as_live(stage: StagedPage) -> None:
     status = stage.open("/console#/alarms").page.locator(".connection")
     stage.send(LIVE, "snapshot", {})
@@ -87,6 +88,7 @@ def test_a_stream_that_goes_on_is_shown_as_live(stage: StagedPage) -> None:
     expect(status).to_have_text("Live")
 
 
+@pytest.mark.long
 def test_a_page_that_slept_follows_the_picture_anew(stage: StagedPage) -> None:
     stage.install_clock()
     stage.open("/console#/alarms")
@@ -98,6 +100,7 @@ def test_a_page_that_slept_follows_the_picture_anew(stage: StagedPage) -> None:
     stage.page.wait_for_function("() => streams.length === 2")
 
 
+@pytest.mark.long
 def test_a_drone_on_a_mission_is_shown_before_a_network_is_known(stage: StagedPage) -> None:
     mission = {"delivery_id": "dlv_1", "drone_id": "drn_1", "state": "ACTIVE", "steps": {}}
     drone = {"position": [0, 0], "state": "ON_MISSION", "mission_id": "msn_1"}
@@ -229,6 +232,7 @@ def test_deliveries_are_found_by_a_part_of_their_texts(stage: StagedPage) -> Non
         expect(rows).to_contain_text(found)
 
 
+@pytest.mark.long
 def test_a_drag_that_rests_counts_once(stage: StagedPage) -> None:
     """One pixel of the chart is the same time before and after a pause."""
     stage.answers["/v1/providers"] = {"items": [{"provider_id": "prv_1"}], "next_cursor": None}
@@ -295,6 +299,7 @@ def test_a_broken_address_opens_a_view(stage: StagedPage) -> None:
     expect(page.get_by_role("navigation", name="Views")).to_be_visible()
 
 
+@pytest.mark.long
 def test_a_map_that_is_gone_ignores_the_theme(stage: StagedPage) -> None:
     page = stage.open("/console#/map").page
     page.locator(".maplibregl-canvas").wait_for()
@@ -314,6 +319,7 @@ def test_a_map_that_is_gone_ignores_the_theme(stage: StagedPage) -> None:
     assert page.evaluate("window.styled") is None
 
 
+@pytest.mark.long
 def test_what_lies_across_longitude_180_is_drawn_the_short_way(stage: StagedPage) -> None:
     script = """async () => {
       const {collectionNear, drawAround} = await import("/console/map/longitudes.js");
@@ -337,6 +343,7 @@ def test_what_lies_across_longitude_180_is_drawn_the_short_way(stage: StagedPage
     assert found["drones"] == pytest.approx([179.9 / 360, 180.1 / 360])
 
 
+@pytest.mark.long
 def test_a_past_flight_crosses_longitude_180_the_short_way(stage: StagedPage) -> None:
     script = """async () => {
       const {dronesAt} = await import("/console/parts/flight_record.js");
@@ -351,6 +358,7 @@ def test_a_past_flight_crosses_longitude_180_the_short_way(stage: StagedPage) ->
     assert drone["heading_deg"] == pytest.approx(90.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("centre", [179.0, 181.0, -179.0])
 def test_drones_stay_on_a_map_that_moves_across_longitude_180(
     stage: StagedPage, centre: float

@@ -38,6 +38,7 @@ def test_the_present_month_is_shown_with_its_items_and_lines(page: Page) -> None
     expect(link).to_have_attribute("href", "/v1/statements?month=2026-03&limit=200")
 
 
+@pytest.mark.long
 def test_another_month_is_asked_for(stage: StagedPage, page: Page) -> None:
     expect(page.locator(".statements section")).to_be_visible()
     stage.answers["/v1/statements"] = {"items": [], "next_cursor": None}
@@ -79,6 +80,7 @@ def test_a_provider_sees_its_earnings_by_route(stage: StagedPage, page: Page) ->
     expect(table).to_contain_text("US$9.00")
 
 
+@pytest.mark.long
 def test_the_view_fits_a_phone(page: Page) -> None:
     page.set_viewport_size({"width": 360, "height": 800})
     expect(page.locator(".statements section")).to_be_visible()

@@ -9,7 +9,7 @@ from tests.end_to_end.browser import needs_browser, serious_problems
 from tests.gateway.console.staged_page import StagedPage
 from tests.gateway.console.test_tracking_script import PAGE, after, state
 
-pytestmark = [pytest.mark.integration, needs_browser]
+pytestmark = [pytest.mark.integration, needs_browser, pytest.mark.long]
 
 
 def asking(*, is_there: bool = True, **proof: Any) -> dict[str, Any]:

@@ -267,6 +267,7 @@ def test_a_drone_glides_between_two_reports_and_fades_when_it_is_silent(stage: S
     expect(page.locator("#seen")).to_have_text("The drone was last seen at 12:00.")
 
 
+@pytest.mark.long
 def test_a_way_across_longitude_180_is_drawn_the_short_way(stage: StagedPage) -> None:
     west, east = [179.95, -17.0], [-179.95, -17.0]
     flight = {"status": "PLANNED", "from_position": west, "to_position": east}

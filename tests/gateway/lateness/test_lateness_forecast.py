@@ -172,6 +172,7 @@ async def test_lateness_counts_from_the_promise_that_was_asked(
     assert answer.json()["on_time_share"] == (0.0 if is_late else 1.0)
 
 
+@pytest.mark.long
 async def test_what_one_customer_allows_makes_no_promise_to_others_later(
     gateway_on_both: Gateway,
 ) -> None:

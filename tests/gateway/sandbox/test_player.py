@@ -20,9 +20,10 @@ from tests.gateway.sandbox.played import (
     step,
 )
 from tests.gateway.whole_gateway import Gateway
+from tests.long_cases import sampled
 
 
-@pytest.mark.parametrize("outcome", OUTCOMES, ids=lambda each: each.name)
+@pytest.mark.parametrize("outcome", sampled(OUTCOMES, every=4), ids=lambda each: each.name)
 async def test_a_station_forces_its_outcome_too(gateway: Gateway, outcome: Outcome) -> None:
     headers = await sandbox_caller(gateway)
     now = gateway.clock.now() + timedelta(minutes=20)
@@ -72,7 +73,7 @@ async def test_a_reference_of_no_outcome_is_refused(gateway: Gateway) -> None:
     assert "test_late" in answers[0].text
 
 
-@pytest.mark.parametrize("steps", range(10))
+@pytest.mark.parametrize("steps", sampled(range(10), every=3))
 async def test_a_cancellation_at_any_moment_settles_the_package(
     gateway: Gateway, steps: int
 ) -> None:

@@ -75,6 +75,7 @@ async def test_a_slow_reader_cannot_use_up_the_memory(
     assert mosquitto.memory_bytes - before < 2.5 * QUEUED_BYTES
 
 
+@pytest.mark.long
 async def test_the_queue_of_a_service_holds_the_messages_of_a_minute(
     mosquitto: Any, connect: Any, broker_proxy: Any, make: Any, receive: Any
 ) -> None:

@@ -10,6 +10,7 @@ def package() -> str:
     return "skyway_gateway"
 
 
+@pytest.mark.long
 async def test_the_sums_of_a_month_agree(migrated_url: str) -> None:
     sums = await play(migrated_url, deliveries=60, seed=1)
 

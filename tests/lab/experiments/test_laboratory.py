@@ -1,3 +1,4 @@
+import pytest
 from skyway_lab.experiments.laboratory import Laboratory, open_laboratory
 
 
@@ -10,6 +11,7 @@ def test_results_have_the_order_of_their_trials(laboratory):
     assert laboratory.results("squares", square, [3, 1, 2]) == [9, 1, 4]
 
 
+@pytest.mark.long
 def test_a_laboratory_with_workers_gives_the_same_results(tmp_path):
     with open_laboratory(seed=1, is_quick=True, folder=tmp_path / "new") as laboratory:
         results = laboratory.results("absolutes", abs, [-3, 1, -2])

@@ -5,6 +5,8 @@ from skyway_lab.experiments.laboratory import Laboratory
 from skyway_lab.experiments.page import PARTS, write_fragment, write_page
 from skyway_lab.experiments.report import Section, SummaryLine, image
 
+from tests.long_cases import sampled
+
 #: Parts that simulate fleets, each run twice with the same seed.
 REPEATED = ("booked-fleet", "causes", "dispatch", "fleet")
 ONCE = [name for name in PARTS if name not in ("paper", *REPEATED)]
@@ -23,7 +25,7 @@ def run_part(laboratory: Laboratory, name: str) -> str:
     return written
 
 
-@pytest.mark.parametrize("name", ONCE)
+@pytest.mark.parametrize("name", sampled(ONCE, every=5))
 def test_every_part_writes_findings_rows_and_its_figures(laboratory: Laboratory, name: str) -> None:
     run_part(laboratory, name)
 

@@ -12,6 +12,7 @@ from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.schedule import Schedule
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tolerance_s", [0.0, 600.0])
 def test_no_delivery_is_later_than_its_promise_allows(tolerance_s: float) -> None:
     search, *_ = searches(searched_in_rounds(2, most_steps=2_000))
@@ -56,6 +57,7 @@ def test_a_delivery_with_a_window_comes_in_it_and_is_promised_until_its_end() ->
     assert max(hour.delivered_ms[each.number] for each in others) < 9_000_000
 
 
+@pytest.mark.long
 def test_requests_are_planned_when_their_batch_ends() -> None:
     search, *_ = searches(searched_in_rounds(2, most_steps=2_000))
     case = fleet_case("city", Load(2, 8), seed=1)
@@ -70,6 +72,7 @@ def test_requests_are_planned_when_their_batch_ends() -> None:
     assert 0.0 < max(seen) < 5.0
 
 
+@pytest.mark.long
 def test_a_drone_flies_to_the_pickup_while_its_trip_waits_for_more_requests() -> None:
     *_, waits = searches(searched_in_rounds(2, most_steps=2_000))
     assert waits.ahead_s is not None

@@ -1,5 +1,6 @@
 """`skyway experiment`: its parts and its files."""
 
+import pytest
 from skyway_lab.experiments.page import PARTS, QUICK_S
 from typer.testing import CliRunner
 
@@ -27,6 +28,7 @@ def test_a_quick_run_of_all_parts_takes_at_most_90_s_of_processor_time():
     assert sum(QUICK_S.values()) <= 90
 
 
+@pytest.mark.long
 def test_one_part_alone_writes_its_page_figures_and_rows(tmp_path):
     arguments = ["experiment", "--quick", "--only", "recharging", "--out", str(tmp_path)]
 

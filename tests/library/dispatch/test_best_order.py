@@ -12,6 +12,7 @@ from skyway.dispatch.problem import FleetProblem
 from skyway.drone.charging import soc_after_recharge
 from tests.library.dispatch.fleets import MODEL, with_pickups, without_promises
 from tests.library.dispatch.fleets import small_fleet as city_fleet
+from tests.long_cases import sampled
 
 
 def proven_and_best_s(problem: FleetProblem) -> tuple[float, float]:
@@ -46,7 +47,7 @@ def charged_first(problem: FleetProblem, pauses_s: Sequence[float]) -> FleetProb
     return problem.model_copy(update={"drones": tuple(drones)})
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", sampled(range(30), every=4))
 def test_the_lower_bound_holds_if_drones_charge_longer_than_their_trips_need(seed: int) -> None:
     problem = small_fleet(seed, requests=3)
     bound_s = proven_s(begun(problem))
@@ -57,7 +58,7 @@ def test_the_lower_bound_holds_if_drones_charge_longer_than_their_trips_need(see
         assert bound_s <= search.best.costs.total_s + 0.1
 
 
-@pytest.mark.parametrize("seed", range(20, 32))
+@pytest.mark.parametrize("seed", sampled(range(20, 32), every=3))
 @pytest.mark.parametrize("energy_s_per_kwh", [0.0, 20_000.0])
 def test_no_order_of_a_fleet_with_few_pads_costs_less(seed: int, energy_s_per_kwh: float) -> None:
     problem = small_fleet(seed, requests=3)
@@ -68,7 +69,7 @@ def test_no_order_of_a_fleet_with_few_pads_costs_less(seed: int, energy_s_per_kw
     assert proven_s == pytest.approx(best_s, abs=0.01)
 
 
-@pytest.mark.parametrize("seed", range(40, 48))
+@pytest.mark.parametrize("seed", sampled(range(40, 48), every=3))
 def test_no_order_costs_less_if_landings_cost_and_loads_are_slow(seed: int) -> None:
     problem = small_fleet(seed, requests=3)
     slow = {"speed_full_mps": 10.0, "stop_s": 40.0, "stop_j": 15_000.0}
@@ -86,7 +87,7 @@ def test_no_order_costs_less_if_landings_cost_and_loads_are_slow(seed: int) -> N
     assert proven_s(begun(changed)) <= best_s + 0.1
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", sampled(range(12), every=3))
 @pytest.mark.parametrize("has_promises", [False, True])
 def test_no_order_of_a_city_fleet_costs_less(seed: int, has_promises: bool) -> None:
     problem = with_pickups(city_fleet(seed, drones=2, requests=3), seed)

@@ -50,6 +50,7 @@ def test_only_six_stations_are_not_connected_to_the_towns(corridor: Network) -> 
     }
 
 
+@pytest.mark.long
 def test_no_segment_crosses_a_disc_and_no_station_stands_in_one(corridor: Network) -> None:
     positions = {name: station.position for name, station in corridor.stations.items()}
 

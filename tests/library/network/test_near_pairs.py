@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -49,6 +50,7 @@ def test_with_around_each_pair_has_an_end_in_it(
     assert found == [pair for pair in everything if around[pair[1]] or around[pair[2]]]
 
 
+@pytest.mark.long
 def test_many_positions_in_one_cell_lose_no_pair() -> None:
     count = 2_100
     longitude_deg, latitude_deg = np.random.default_rng(1).uniform(0, 0.01, (2, count))

@@ -186,6 +186,7 @@ def test_a_window_that_contradicts_itself_is_a_fault_of_the_problem(
 _LIMITS = st.none() | st.integers(-10, 300).map(lambda tens: 10.0 * tens)
 
 
+@pytest.mark.long
 @settings(max_examples=150, deadline=None)
 @given(
     seed=st.integers(0, 100_000),

@@ -44,6 +44,7 @@ async def test_a_list_can_be_of_one_provider(api: Any, fleets: dict[str, list[st
     assert await listed(api, "&provider_id=prv_none") == []
 
 
+@pytest.mark.databases("sqlite")
 @pytest.mark.parametrize("together", [1, 2, 500])
 async def test_a_list_can_be_of_one_state(
     api: Any, fleets: dict[str, list[str]], monkeypatch: pytest.MonkeyPatch, together: int

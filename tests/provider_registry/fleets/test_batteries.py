@@ -191,6 +191,7 @@ async def test_a_removed_drone_frees_its_battery(drone: FlyingDrone) -> None:
     assert (await drone.provider_calls("GET", f"/batteries/{battery}")).status_code == 404
 
 
+@pytest.mark.long
 async def test_only_the_newest_past_installations_are_kept(drone: FlyingDrone) -> None:
     await drone.reports("ENDED", "COMPLETED")
     battery = await register(drone, "S-1")

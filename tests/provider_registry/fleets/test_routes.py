@@ -124,6 +124,7 @@ async def test_maintenance_begins_and_ends(api: Any, mine: str) -> None:
     assert (begun.json()["state"], ended.json()["state"]) == ("MAINTENANCE", "REGISTERED")
 
 
+@pytest.mark.databases("sqlite")
 @pytest.mark.parametrize(
     ("change", "field"),
     [

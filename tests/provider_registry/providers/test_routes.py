@@ -186,6 +186,7 @@ LATE = {**PAYMENT_TERMS, "late": [{"after_min": 15, "share": 0.1}]}
 CHANGED_TARIFF = dict.fromkeys(OTHER_TARIFF, 1) | {"currency": "USD", "payment_terms": LATE}
 
 
+@pytest.mark.databases("sqlite")
 @pytest.mark.parametrize("name", OTHER_TARIFF)
 async def test_a_change_of_one_member_of_a_tariff_keeps_all_others(api: Any, name: str) -> None:
     provider_id = await api.provider(terms="old", tariff=OTHER_TARIFF)

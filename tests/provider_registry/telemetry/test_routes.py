@@ -182,6 +182,7 @@ async def test_a_removed_drone_is_not_shown(six_samples: Any) -> None:
     assert (await six_samples.api("operator:op", "GET", six_samples.path)).status_code == 404
 
 
+@pytest.mark.databases("sqlite")
 @pytest.mark.parametrize(
     ("query", "field"),
     [

@@ -16,6 +16,7 @@ def package() -> str:
     return "skyway_composition"
 
 
+@pytest.mark.databases("postgresql")
 async def test_twenty_bookings_on_four_drones_give_calendars_without_overlaps(
     migrated_url: str,
 ) -> None:

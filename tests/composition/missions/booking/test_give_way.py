@@ -95,6 +95,7 @@ async def test_only_the_drone_that_was_asked_has_not_answered(world: BusyWorld) 
     assert not await is_unanswered(asked)
 
 
+@pytest.mark.long
 async def test_a_drone_that_refuses_keeps_its_pad(world: BusyWorld) -> None:
     await come_home(world)
     charged_at = await charges_until(world, 1)
@@ -107,6 +108,7 @@ async def test_a_drone_that_refuses_keeps_its_pad(world: BusyWorld) -> None:
     await world.end()
 
 
+@pytest.mark.long
 async def test_an_offline_drone_is_not_asked(world: BusyWorld) -> None:
     await come_home(world)
     world.drones[0].set_reception(False)
@@ -118,6 +120,7 @@ async def test_an_offline_drone_is_not_asked(world: BusyWorld) -> None:
     await world.end()
 
 
+@pytest.mark.long
 async def test_a_drone_is_asked_before_its_own_service_is_over(world: BusyWorld) -> None:
     await come_home(world, minutes=5)
     promised = (await etas(world))["first"]
@@ -176,6 +179,7 @@ class Killed(Exception):
     """Composition is killed."""
 
 
+@pytest.mark.long
 async def test_a_kill_after_a_drone_was_asked_leaves_only_a_later_charge(
     world: BusyWorld,
 ) -> None:
@@ -208,7 +212,7 @@ async def test_a_standby_does_not_give_way_to_another_standby(world: BusyWorld) 
     assert await charges_until(world, 2) > charged_at
 
 
-@pytest.mark.databases("sqlite", "postgresql")
+@pytest.mark.databases("postgresql")
 async def test_two_services_share_a_pad_before_any_standby(world: BusyWorld) -> None:
     await come_home(world)
     assert await book(world, "third", "a", "b", drone=2) == "BOOKED"

@@ -15,6 +15,7 @@ from skyway.runtime.mqtt.moments import latest_believed
 _BATCH = 100
 
 
+@pytest.mark.databases("sqlite")
 @pytest.mark.parametrize("kind", ["ack", "step", "alarm", "state", "connection"])
 async def test_no_extreme_value_stops_the_messages_of_others(
     composition: Any, drone: Any, make: Any, begin: Any, kind: str

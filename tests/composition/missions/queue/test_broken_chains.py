@@ -54,6 +54,7 @@ async def test_another_drone_delivers_what_waited_behind_a_broken_drone(world: B
     assert delivered_by(world, 4) == ["dlv3"]
 
 
+@pytest.mark.long
 async def test_no_mission_waits_for_ever_behind_a_drone_that_is_silent(world: BusyWorld) -> None:
     await book_chain(world, 3)
     (drone, *_) = world.drones
@@ -70,6 +71,7 @@ async def test_no_mission_waits_for_ever_behind_a_drone_that_is_silent(world: Bu
     await world.end()
 
 
+@pytest.mark.long
 async def test_a_mission_that_cannot_be_planned_for_long_is_refused(world: BusyWorld) -> None:
     await book_chain(world, 3)
     # The drone must charge before the third delivery, and no pad is left.
@@ -115,6 +117,7 @@ async def test_the_missions_behind_a_cancelled_one_are_planned_again_immediately
     assert delivered_by(world) == ["dlv1", "dlv2", "dlv4"]
 
 
+@pytest.mark.long
 async def test_a_mission_that_loses_one_of_two_packages_is_booked_again_for_the_other(
     world: BusyWorld,
 ) -> None:

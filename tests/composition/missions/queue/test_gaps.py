@@ -95,6 +95,7 @@ async def test_a_drone_flies_home_when_the_mission_after_a_gap_is_cancelled(
     assert world.drones[0].logbook.station_id == "a"
 
 
+@pytest.mark.long
 async def test_a_waiting_mission_keeps_its_time_when_the_mission_before_it_is_cancelled(
     world: BusyWorld,
 ) -> None:
@@ -117,6 +118,7 @@ class UnkeptCalendars:
         return False
 
 
+@pytest.mark.long
 async def test_a_late_mission_before_another_one_is_not_flown_after_its_deadline(
     world: BusyWorld,
 ) -> None:
@@ -136,6 +138,7 @@ async def test_a_late_mission_before_another_one_is_not_flown_after_its_deadline
     assert delivered_by(world) == ["evening"]
 
 
+@pytest.mark.long
 async def test_a_waiting_mission_may_charge_on_the_pad_of_the_one_before_it(
     world: BusyWorld,
 ) -> None:

@@ -38,6 +38,7 @@ async def test_the_track_of_a_queued_mission_shows_its_planned_steps(world: Busy
     assert mission.position is None
 
 
+@pytest.mark.long
 async def test_the_drone_delivers_the_second_package_without_flying_home_first(
     world: BusyWorld,
 ) -> None:

@@ -36,6 +36,7 @@ async def _firm(world: BusyWorld) -> list[bool]:
     return [each.firm_at is None for each in waiting]
 
 
+@pytest.mark.long
 async def test_promises_become_firm_together_when_composition_is_killed_anywhere(
     world: BusyWorld,
 ) -> None:

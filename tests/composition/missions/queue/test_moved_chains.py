@@ -23,10 +23,12 @@ from tests.composition.missions.queue.booked_chain import (
     reports_of,
     waiting,
 )
+from tests.long_cases import sampled
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
+@pytest.mark.long
 async def test_six_deliveries_of_one_drone_arrive_in_the_order_of_asking(world: BusyWorld) -> None:
     await book_chain(world)
     assert await book(world, "dlv6", "a", "c") == "BOOKED"
@@ -37,7 +39,7 @@ async def test_six_deliveries_of_one_drone_arrive_in_the_order_of_asking(world: 
     assert delivered_by(world) == [*CHAIN, "dlv6"]
 
 
-@pytest.mark.parametrize("rate", [1.0, 600.0])
+@pytest.mark.parametrize("rate", sampled([600.0, 1.0], every=2))
 async def test_a_chain_is_flown_at_every_clock_rate(migrated_url: str, rate: float) -> None:
     async with BusyWorld(migrated_url, rate=rate) as world:
         await book_chain(world, 3)
@@ -127,6 +129,7 @@ async def test_a_drone_on_its_way_home_begins_its_next_mission_at_its_landing(
     assert delivered_by(world) == ["dlv1", "dlv2"]
 
 
+@pytest.mark.long
 async def test_two_customers_who_want_the_same_place_in_a_calendar_both_get_one(
     world: BusyWorld,
 ) -> None:
@@ -142,6 +145,7 @@ async def test_two_customers_who_want_the_same_place_in_a_calendar_both_get_one(
     assert sorted(delivered_by(world)) == ["dlv1", "dlv2", "dlv7"]
 
 
+@pytest.mark.long
 async def test_a_drone_charges_at_home_before_a_mission_that_begins_hours_later(
     world: BusyWorld,
 ) -> None:

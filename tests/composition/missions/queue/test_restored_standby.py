@@ -13,11 +13,12 @@ from tests.composition.missions.queue.booked_chain import (
     delivered_by,
     request,
 )
+from tests.long_cases import sampled
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
-@pytest.mark.parametrize("length", [2, 3])
+@pytest.mark.parametrize("length", sampled([2, 3], every=2))
 async def test_a_drone_flies_home_and_charges_when_its_last_mission_is_cancelled(
     world: BusyWorld, length: int
 ) -> None:

@@ -1,5 +1,6 @@
 """Missions that wait behind others are each in the trace of their own delivery, also when sent."""
 
+import pytest
 from skyway_composition.tables import missions, outbox
 from sqlalchemy import select
 
@@ -13,6 +14,7 @@ from tests.composition.missions.queue.booked_chain import CHAIN, book
 TRACES = {delivery_id: f"{number:032x}" for number, delivery_id in enumerate(CHAIN, start=1)}
 
 
+@pytest.mark.databases("sqlite")
 async def test_each_delivery_of_a_chain_has_one_trace_to_its_end(world: BusyWorld) -> None:
     for delivery_id, places in CHAIN.items():
         with tracing(f"00-{TRACES[delivery_id]}-00f067aa0ba902b7-01"):

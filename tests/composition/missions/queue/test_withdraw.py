@@ -22,6 +22,7 @@ async def withdraw(world: BusyWorld, delivery_id: str, *, attempt: int = 1) -> N
     await withdraw_missions(world.context, DeliveryId(delivery_id), asked)
 
 
+@pytest.mark.databases("postgresql")
 async def test_a_queued_mission_is_given_up_and_its_attempt_is_not_booked_again(
     world: BusyWorld,
 ) -> None:

@@ -363,6 +363,7 @@ async def test_a_drone_that_refuses_for_lack_of_energy_gets_a_plan_with_more_a_m
     assert margins == pytest.approx([0.2, 0.25, 0.3])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("others", "last"), [(0, "ABORTED"), (9, "ACTIVE")])
 async def test_a_drone_that_refuses_ten_plans_in_a_row_for_lack_of_energy_is_given_up(
     composition: Any, drone: Any, others: int, last: str

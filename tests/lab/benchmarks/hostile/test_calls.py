@@ -5,6 +5,7 @@ import json
 import random
 from urllib.parse import urlsplit
 
+import pytest
 from skyway_lab.benchmarks.hostile.bodies import places, with_all_fields, with_value
 from skyway_lab.benchmarks.hostile.calls import Body, Call, all_calls, every_variant, forged_calls
 from skyway_lab.benchmarks.hostile.extremes import all_texts, extremes_for
@@ -16,6 +17,7 @@ REQUEST = Call("post", "/v1/deliveries", (), (), (Body(EXAMPLE, EXAMPLE),))
 READ = Call("get", "/v1/deliveries/{delivery_id}", ("delivery_id",), ("limit",))
 
 
+@pytest.mark.long
 def test_every_operation_of_the_document_is_called_and_bodies_have_examples() -> None:
     calls = all_calls()
 

@@ -45,6 +45,7 @@ def _has_servers() -> bool:
     return shutil.which("mosquitto", path=f"{os.environ['PATH']}:/usr/sbin") is not None
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not _has_servers(), reason="needs PostgreSQL and Mosquitto")
 def test_a_benchmark_that_is_terminated_ends_its_servers(tmp_path: Path) -> None:
     command = [sys.executable, "-c", _PROGRAM, str(tmp_path / "data")]

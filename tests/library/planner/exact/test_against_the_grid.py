@@ -17,13 +17,11 @@ from tests.library.planner.oracles.instances import (
     weather_of,
 )
 from tests.library.planner.oracles.judge import disagreements, disagreements_with_reason
+from tests.long_cases import sampled
 
-_BLOCK = 50
-#: The first seed of each block. Two blocks are enough while somebody waits.
-_BLOCKS = [
-    pytest.param(first, marks=[] if first < 2 * _BLOCK else pytest.mark.long)
-    for first in range(0, 300, _BLOCK)
-]
+_BLOCK = 25
+#: The first seed of each block. One block is enough while somebody waits.
+_BLOCKS = sampled(range(0, 300, _BLOCK), every=6)
 
 
 @pytest.mark.parametrize("first", _BLOCKS)

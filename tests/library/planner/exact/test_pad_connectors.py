@@ -61,6 +61,7 @@ def test_a_plan_is_the_plan_without_the_pads_that_do_not_fit(
         assert ranked.delivery_time_s == pytest.approx(plan.delivery_time_s), seed
 
 
+@pytest.mark.long
 def test_no_plan_is_later_than_the_grids_or_earlier_than_possible() -> None:
     faults = {}
     for seed in range(30):

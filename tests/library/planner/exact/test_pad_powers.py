@@ -23,8 +23,9 @@ from tests.library.planner.oracles.judge import (
     disagreements,
     disagreements_with_contestants,
 )
+from tests.long_cases import sampled
 
-_BLOCK = 50
+_BLOCK = 25
 
 #: Labels after which a contestant gives up. For nine problems more labels would give a better plan,
 #: but the grid's plan is earlier still. Three problems need more labels for the best plan.
@@ -32,9 +33,7 @@ _MOST_LABELS = 5_000
 _MORE_LABELS = dict.fromkeys((18, 143, 145), 20_000)
 
 
-@pytest.mark.parametrize(
-    "first", [0, *(pytest.param(n, marks=pytest.mark.long) for n in (50, 100))]
-)
+@pytest.mark.parametrize("first", sampled(range(0, 150, _BLOCK), every=6))
 def test_no_plan_is_later_than_the_grids_or_earlier_than_possible(first: int) -> None:
     faults = {}
     for seed in range(first, first + _BLOCK):

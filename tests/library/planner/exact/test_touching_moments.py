@@ -11,11 +11,10 @@ from skyway.planner.problem import Problem
 from skyway.planner.verify import verify
 from skyway.units import time_tolerance_s
 from tests.library.planner.oracles.touching import problem_to_touch, touched, uses_of
+from tests.long_cases import sampled
 
-_LONG = [pytest.param(first, marks=pytest.mark.long) for first in range(120, 1500, 30)]
 
-
-@pytest.mark.parametrize("first", [*range(0, 120, 30), *_LONG])
+@pytest.mark.parametrize("first", sampled(range(0, 1500, 30), every=25))
 def test_limits_that_touch_the_best_plan_change_nothing(first: int) -> None:
     for seed in range(first, first + 30):
         made = problem_to_touch(seed)

@@ -33,6 +33,7 @@ def test_every_entry_point_is_compiled_for_one_signature() -> None:
     assert [len(each.signatures) for each in entrances] == [1] * 3
 
 
+@pytest.mark.long
 def test_only_what_python_calls_is_kept_and_a_wait_for_the_compiler_is_explained(
     tmp_path: Path,
 ) -> None:

@@ -282,6 +282,7 @@ def changed(raw: bytes, chance: Random) -> bytes:
     return raw[: LIMITS.head_bytes]
 
 
+@pytest.mark.long
 async def test_changed_at_random_a_request_is_understood_as_by_h11_or_refused(
     front: Front, subtests: pytest.Subtests
 ) -> None:

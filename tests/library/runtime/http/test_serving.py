@@ -20,6 +20,7 @@ from starlette.routing import Route
 from skyway.runtime.errors import DamagedDatabase, ServiceUnavailable, UnsafeDatabase
 from skyway.runtime.http.serving import Opening
 from skyway.runtime.loops import Loops
+from tests.long_cases import sampled
 
 CHILD = """
 import sys
@@ -135,7 +136,7 @@ async def test_a_service_leaves_with_its_parent(parent: Parent) -> None:
     assert await asyncio.wait_for(child.wait(), WAIT_S) == 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("number", sampled([signal.SIGTERM, signal.SIGINT, signal.SIGHUP], every=3))
 async def test_a_signal_ends_a_service_in_order_though_a_stream_is_open(
     parent: Parent, number: signal.Signals
 ) -> None:

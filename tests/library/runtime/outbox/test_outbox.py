@@ -243,6 +243,7 @@ async def test_a_message_that_its_own_transaction_confirms_is_not_sent(db: Datab
     assert await waiting(db) == 0
 
 
+@pytest.mark.databases("sqlite")
 async def test_repeats_back_off_from_2_to_30_seconds(
     db: Database, mqtt: InMemoryMqtt, clock: Alarms
 ) -> None:
@@ -373,6 +374,7 @@ async def test_a_report_is_posted_as_it_was_written(db: Database, clock: FleetCl
     assert (gateway.traces[0] or "")[3:35] == traceparent[3:35]
 
 
+@pytest.mark.databases("sqlite")
 @pytest.mark.parametrize(
     "error",
     [

@@ -167,6 +167,7 @@ async def test_reports_for_other_paths_stay_apart(db: Database, clock: ManualClo
     ]
 
 
+@pytest.mark.databases("sqlite")
 @pytest.mark.parametrize(
     "refusal",
     [

@@ -107,6 +107,7 @@ async def db(pooled_url: str) -> AsyncIterator[Database]:
         yield opened
 
 
+@pytest.mark.long
 async def test_many_clients_share_few_connections_of_the_server(
     db: Database, pooled_url: str
 ) -> None:

@@ -339,6 +339,7 @@ async def test_an_order_for_a_drone_that_is_held_for_a_customer_meanwhile_is_not
     assert await dispatcher.adopt(found) == "outdated"
 
 
+@pytest.mark.long
 @pytest.mark.databases("postgresql")
 async def test_an_adoption_that_is_killed_anywhere_changes_nothing(world: BusyWorld) -> None:
     """On PostgreSQL, where each statement is a wait."""
@@ -405,6 +406,7 @@ async def test_an_adoption_locks_the_stations_of_all_its_missions_before_it_move
     assert free == {"b", "c"}
 
 
+@pytest.mark.databases("postgresql")
 async def test_bookings_go_on_while_orders_are_adopted(migrated_url: str) -> None:
     """On both databases, neither a booking nor an adoption leaves half a calendar."""
     async with BusyWorld(migrated_url) as world:

@@ -336,6 +336,7 @@ async def test_of_two_leaders_one_moves_a_mission_to_another_provider(world: Bus
     await world.check()
 
 
+@pytest.mark.long
 @pytest.mark.databases("postgresql")
 async def test_an_exchange_that_is_killed_anywhere_changes_nothing(world: BusyWorld) -> None:
     """On PostgreSQL, where each statement is a wait."""

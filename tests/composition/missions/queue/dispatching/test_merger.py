@@ -315,6 +315,7 @@ _WISHES = st.tuples(
 )
 
 
+@pytest.mark.long
 @_on_sqlite
 def test_no_customer_loses_when_missions_merge(migrated_url: str) -> None:
     """Each adoption keeps promises and prices, and leaves every calendar whole."""

@@ -221,6 +221,7 @@ async def test_the_dispatcher_moves_no_pickup_and_waits_for_the_packages(
     assert shared.allowed_from_ms - asked_ms >= 1000 * _AWAY_M
 
 
+@pytest.mark.long
 async def test_a_guest_that_loses_its_host_is_booked_from_the_same_station(
     world: NearWorld,
 ) -> None:

@@ -79,6 +79,7 @@ async def test_the_process_answers_dies_and_is_replaced() -> None:
     assert last.returncode is not None
 
 
+@pytest.mark.long
 async def test_searches_leave_the_processors_to_others() -> None:
     now_s = 100.0
     network, search = line_network(), make_search()
@@ -91,6 +92,7 @@ async def test_searches_leave_the_processors_to_others() -> None:
     assert process.rest_s == 0.0
 
 
+@pytest.mark.long
 async def test_a_process_in_the_middle_of_a_search_ends_with_its_owner() -> None:
     """An owner that was killed closes nothing itself: the system closes its end of the pipe."""
     long_search = make_search(budget_s=3_600.0, requests=TWO_REQUESTS)
@@ -108,6 +110,7 @@ async def test_a_process_in_the_middle_of_a_search_ends_with_its_owner() -> None
         assert await asyncio.wait_for(running.wait(), timeout=60) == 0
 
 
+@pytest.mark.long
 async def test_the_first_search_of_a_new_process_has_its_whole_budget() -> None:
     """The later request lies on the drone's way to the earlier one, which only a round finds."""
     async with SearchProcess() as process:

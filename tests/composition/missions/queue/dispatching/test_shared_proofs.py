@@ -76,6 +76,7 @@ async def test_a_package_that_is_not_of_the_delivery_has_no_proof(world: BusyWor
         await give_proof(world.context, DeliveryId("dlv1"), flying)
 
 
+@pytest.mark.long
 async def test_a_request_with_a_proof_leaves_the_windows_of_others_as_they_are(
     world: BusyWorld,
 ) -> None:

@@ -209,6 +209,7 @@ async def test_a_guest_that_cancels_leaves_the_promise_of_its_host(world: BusyWo
     assert await world.handed_over() == [("dlv1", "p1")]
 
 
+@pytest.mark.long
 @_on_sqlite
 async def test_a_package_that_is_cancelled_in_flight_comes_back_alone(world: BusyWorld) -> None:
     await book_both(world)
@@ -224,6 +225,7 @@ async def test_a_package_that_is_cancelled_in_flight_comes_back_alone(world: Bus
     assert (await kinds_of(world, "dlv1"))["RETURNING"] == 0
 
 
+@pytest.mark.long
 @_on_sqlite
 async def test_both_deliveries_are_booked_again_when_the_drone_refuses(world: BusyWorld) -> None:
     record = await book_both(world)
@@ -422,6 +424,7 @@ _WISHES = st.tuples(
 )
 
 
+@pytest.mark.long
 @_on_sqlite
 def test_no_promise_gets_worse_when_others_join(migrated_url: str) -> None:
     """Each booking leaves every promise that was given before within the tolerance."""
