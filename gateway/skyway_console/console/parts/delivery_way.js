@@ -1,29 +1,16 @@
 // The way of a delivery on a map, with the drones that fly it now.
 
 import {effect} from "@preact/signals";
-import {useEffect, useRef, useState} from "preact/hooks";
+import {useEffect, useRef} from "preact/hooks";
 
-import {get} from "../api.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {FleetMap} from "../map/fleet_map.js";
 import {WayLayer} from "../map/way_layer.js";
 import {openView} from "../routes.js";
+import {useReadPath} from "../use_read.js";
 
 const AGAIN_MS = 5_000;
-
-// The track, again and again while the delivery goes on.
-function useTrack(path, isOver) {
-  const [track, setTrack] = useState(null);
-  useEffect(() => {
-    const look = () => get(`${path}/track`).then(setTrack, () => null);
-    look();
-    if (isOver) return undefined;
-    const timer = setInterval(look, AGAIN_MS);
-    return () => clearInterval(timer);
-  }, [path, isOver]);
-  return track;
-}
 
 const dronesOf = (track) => new Set(track.features
   .filter(({properties}) => properties.kind === "DRONE").map(({properties}) => properties.drone_id));
@@ -55,7 +42,7 @@ function useWayMap(container, track) {
 
 export function DeliveryWay({path, isOver}) {
   const container = useRef(null);
-  const track = useTrack(path, isOver);
+  const {answer: track} = useReadPath(`${path}/track`, {changed: isOver, everyMs: isOver ? null : AGAIN_MS});
   useWayMap(container, track);
   const hasWay = track?.features.length > 0;
   return html`

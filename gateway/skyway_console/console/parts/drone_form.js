@@ -1,11 +1,10 @@
 // The form that registers a drone; the answer holds the token with which it enrols.
 
-import {useEffect, useState} from "preact/hooks";
-
 import {all} from "../api.js";
 import {html} from "../html.js";
 import {stationsOf} from "../map/features.js";
 import {listNetworks, networkContent} from "../networks.js";
+import {useRead} from "../use_read.js";
 import {modelName, stationName} from "../words.js";
 
 async function readChoices(providerId) {
@@ -28,10 +27,8 @@ function droneOf(form) {
 }
 
 export function DroneForm({providerId, onRegister}) {
-  const [choices, setChoices] = useState({models: [], stations: []});
-  useEffect(() => {
-    readChoices(providerId).then(setChoices, () => null);
-  }, [providerId]);
+  const {answer} = useRead(() => readChoices(providerId), {key: providerId});
+  const choices = answer ?? {models: [], stations: []};
   async function register(event) {
     event.preventDefault();
     const form = event.target;

@@ -2,7 +2,7 @@
 
 import {part} from "../api.js";
 import {html} from "../html.js";
-import {usePolledPath} from "../polled.js";
+import {useReadPath} from "../use_read.js";
 import {money} from "../words.js";
 import {Promises} from "./promises.js";
 import {ShareBar} from "./share_bar.js";
@@ -22,7 +22,7 @@ function Day({each, most}) {
 }
 
 export function Earnings({providerId}) {
-  const {answer: earnings, problem} = usePolledPath(`/v1/providers/${part(providerId)}/earnings`, AGAIN_MS);
+  const {answer: earnings, problem} = useReadPath(`/v1/providers/${part(providerId)}/earnings`, {everyMs: AGAIN_MS});
   if (!earnings) return html`<p class="refused">${problem}</p>`;
   const {currency, amount, deliveries, missions, by_day: days} = earnings;
   if (currency === null) return html`<p class="empty">No mission is settled yet. A mission pays when it ends.</p>`;

@@ -9,6 +9,7 @@ import {connection, picture} from "../live.js";
 import {networks} from "../networks.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
+import {useRead} from "../use_read.js";
 import {attempt} from "./messages.js";
 import {Panel} from "./panel.js";
 
@@ -77,16 +78,9 @@ const STEPS = {
     operator: OperatorsDeliveries, customer: CustomersDeliveries},
 };
 
-// Whether there was ever a delivery; null while that is not known.
-function useAnyDelivery(isAsked) {
-  const [isAny, setAny] = useState(null);
-  useEffect(() => {
-    if (isAsked) {
-      get("/v1/deliveries?limit=1").then(({items}) => setAny(items.length > 0), () => null);
-    }
-  }, [isAsked]);
-  return isAny;
-}
+// Whether there was ever a delivery; undefined while that is not known.
+const useAnyDelivery = (isAsked) => useRead(async () =>
+  isAsked && (await get("/v1/deliveries?limit=1")).items.length > 0, {key: isAsked}).answer ?? undefined;
 
 const isEmpty = (kind) => Object.keys(picture[kind].value).length === 0;
 

@@ -4,7 +4,7 @@ import {call, get, part} from "../api.js";
 import {WORDS} from "../desk_words.js";
 import {fleetNow} from "../fleet_clock.js";
 import {html} from "../html.js";
-import {usePolled} from "../polled.js";
+import {useRead} from "../use_read.js";
 import {momentText, shortId} from "../words.js";
 import {attempt} from "./messages.js";
 
@@ -21,7 +21,7 @@ const Row = ({each: {at, delivery_id: id, direction, reason}}) => html`
 export function Exchanges({providerId}) {
   const path = `/v1/providers/${part(providerId)}`;
   const read = () => Promise.all([get(path), get(`${path}/exchanges?limit=${MOST_SHOWN}`)]);
-  const {answer, problem, again} = usePolled(read, AGAIN_MS, path);
+  const {answer, problem, again} = useRead(read, {key: path, everyMs: AGAIN_MS});
   if (!answer) return html`<p class="refused">${problem}</p>`;
   const [{exchanges_deliveries: agrees}, {items, next_cursor: more}] = answer;
   const today = items.filter(isToday);

@@ -3,10 +3,10 @@
 import {fleetNow, ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {connection, picture} from "../live.js";
-import {usePolledPath} from "../polled.js";
 import {pathTo} from "../routes.js";
 import {personName, session} from "../session.js";
 import {StateText} from "../state_words.js";
+import {useReadPath} from "../use_read.js";
 import {distanceText, durationText, shortId, stationName, zonedText} from "../words.js";
 import {Icon} from "./icons.js";
 import {WaySketch} from "./way_sketch.js";
@@ -68,7 +68,7 @@ function DeliveryCard({id, delivery, next}) {
 }
 
 function Recent() {
-  const {answer} = usePolledPath("/v1/deliveries?limit=8", RECENT_AGAIN_MS);
+  const {answer} = useReadPath("/v1/deliveries?limit=8", {everyMs: RECENT_AGAIN_MS});
   const over = (answer?.items ?? []).filter(({state}) => OVER.has(state)).slice(0, 5);
   return over.length > 0 && html`
     <section class="tile"><h2>Lately</h2>

@@ -7,9 +7,9 @@ import {silentServices} from "../freshness.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {openAlarms, picture} from "../live.js";
-import {usePolled} from "../polled.js";
 import {pathTo} from "../routes.js";
 import {session} from "../session.js";
+import {useRead} from "../use_read.js";
 import {clockTime, distanceText, durationText} from "../words.js";
 import {isLate} from "./delivery_packages.js";
 import {Bars, DAY_MARKS, Heat, SplitBar, hoursOfToday} from "./home_charts.js";
@@ -132,7 +132,7 @@ async function readPads() {
 }
 
 function PadsTile() {
-  const {answer: hours} = usePolled(readPads, PADS_AGAIN_MS, "pads");
+  const {answer: hours} = useRead(readPads, {everyMs: PADS_AGAIN_MS});
   const taken = Object.values(picture.stations.value).reduce((all, {pads_taken: each}) => all + each, 0);
   const most = Math.max(...(hours ?? []).map(({used}) => used), 0.01);
   const cells = (hours ?? []).map(({from, used}) => ({

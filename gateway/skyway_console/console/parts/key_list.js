@@ -1,11 +1,12 @@
 // API keys: operators list, make and delete them, and customers their test keys; each holder gets the next key of the own one.
 
-import {useEffect, useState} from "preact/hooks";
+import {useState} from "preact/hooks";
 
 import {all, call, part, post} from "../api.js";
 import {WORDS} from "../desk_words.js";
 import {html} from "../html.js";
 import {isOperator} from "../session.js";
+import {useRead} from "../use_read.js";
 import {dayText, inWords} from "../words.js";
 import {KeyForm, TestKeyForm} from "./key_form.js";
 import {attempt} from "./messages.js";
@@ -32,10 +33,8 @@ function KeyRow({each, onDelete}) {
 }
 
 export function KeyList() {
-  const [keys, setKeys] = useState([]);
+  const {answer: keys, problem, again: read} = useRead(() => all("/v1/keys"));
   const [made, setMade] = useState(null);
-  const read = () => attempt(async () => setKeys(await all("/v1/keys")));
-  useEffect(() => void read(), []);
 
   async function make(wanted) {
     const isMade = await attempt(async () => setMade(await post("/v1/keys", wanted)));
@@ -48,10 +47,11 @@ export function KeyList() {
 
   return html`
     <h2>Keys</h2>
+    ${problem && html`<p class="refused" role="alert">${problem}</p>`}
     <div class="table"><table class="as-cards" aria-label="Keys">
       <thead><tr><th>Name</th><th>For</th><th>${WORDS.keys.mode}</th><th>Allows</th><th>Made</th><th>Ends</th>
         <th><span class="unseen">Delete</span></th></tr></thead>
-      <tbody>${keys.map((each) => html`
+      <tbody>${(keys ?? []).map((each) => html`
         <${KeyRow} key=${each.key_id} each=${each} onDelete=${() => remove(each)} />`)}</tbody>
     </table></div>
     ${made && html`<${SecretBox} title="The new key" secrets=${secretsOf(made)} onClose=${() => setMade(null)}

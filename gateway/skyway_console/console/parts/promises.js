@@ -1,7 +1,7 @@
 // Which share of the packages came by their P90, in the last day and week: 88 to 92 % is as it should be.
 
 import {html} from "../html.js";
-import {usePolledPath} from "../polled.js";
+import {useReadPath} from "../use_read.js";
 import {shortId, wordsOfId} from "../words.js";
 
 // Milliseconds of wall time between two questions.
@@ -61,7 +61,7 @@ function Groups({groups}) {
 
 // Of one provider, or of all networks and providers without an id.
 export function Promises({providerId = null}) {
-  const {answer} = usePolledPath("/v1/stats/promises", ASK_EVERY_MS);
+  const {answer} = useReadPath("/v1/stats/promises", {everyMs: ASK_EVERY_MS});
   if (answer === null) return null;
   const {items, groups} = answer;
   const shown = providerId === null ? items : items.filter((each) => each.provider_id === providerId);

@@ -1,16 +1,14 @@
 // Open alarms, the newest first, and what is closed; operators acknowledge and open again.
 
-import {useEffect} from "preact/hooks";
-
 import {part, post} from "../api.js";
 import {closureTimes, hasBegun} from "../closed.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {alarmSound, openAlarms, picture} from "../live.js";
-import {usePolledPath} from "../polled.js";
 import {pathTo} from "../routes.js";
 import {isOperator} from "../session.js";
 import {StateText} from "../state_words.js";
+import {useReadPath} from "../use_read.js";
 import {distanceText, inWords, momentText, shortId, stationName, zonedText} from "../words.js";
 import {STOP_MOMENTS, askToClose, askToOpen, closureName} from "../parts/closures.js";
 import {confirm} from "../parts/confirm_dialog.js";
@@ -77,9 +75,9 @@ function Closures() {
 }
 
 function Acknowledged() {
-  const {answer, again} = usePolledPath("/v1/alarms?state=ACKNOWLEDGED&limit=20", AGAIN_MS);
   // Read again when an alarm comes or goes.
-  useEffect(() => void again(), [openAlarms.value.length]);
+  const {answer} = useReadPath("/v1/alarms?state=ACKNOWLEDGED&limit=20",
+    {changed: openAlarms.value.length, everyMs: AGAIN_MS});
   const items = answer?.items ?? [];
   return html`
     <h2>Acknowledged</h2>

@@ -8,6 +8,7 @@ import {html} from "../html.js";
 import {stationsOf} from "../map/features.js";
 import {listNetworks, networkContent, networks, showNetwork, shownNetwork} from "../networks.js";
 import {openView} from "../routes.js";
+import {useRead} from "../use_read.js";
 import {stationName} from "../words.js";
 import {attempt} from "../parts/messages.js";
 import {OfferCards} from "../parts/offer_cards.js";
@@ -33,13 +34,9 @@ function useNetwork() {
 }
 
 // Names of providers by their ids; customers see each provider's card.
-function useNames() {
-  const [names, setNames] = useState({});
-  useEffect(() => {
-    all("/v1/providers").then((items) => setNames(
-      Object.fromEntries(items.map(({provider_id, name}) => [provider_id, name]))), () => null);
-  }, []);
-  return names;
+async function readNames() {
+  const providers = await all("/v1/providers");
+  return Object.fromEntries(providers.map(({provider_id, name}) => [provider_id, name]));
 }
 
 // A shop sends from the same place as last time, as a rule.
@@ -69,7 +66,7 @@ const NetworkChoice = () => html`
 
 export function CustomerView() {
   const {network, problem} = useNetwork();
-  const names = useNames();
+  const names = useRead(readNames).answer ?? {};
   usePickup(network);
   const [quote, setQuote] = useState(null);
   const [refused, setRefused] = useState("");

@@ -1,12 +1,13 @@
 // Deliveries: a list with promise against ETA, and one delivery with all that happened to it.
 
-import {useEffect, useRef, useState} from "preact/hooks";
+import {useState} from "preact/hooks";
 
 import {get, part} from "../api.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {openView, pathTo} from "../routes.js";
 import {DeliveryStateText, stateName, statesOf} from "../state_words.js";
+import {useRead} from "../use_read.js";
 import {momentText, shortId, stationName} from "../words.js";
 import {againstPromise, isLate} from "../parts/delivery_packages.js";
 import {DeliveryPage} from "../parts/delivery_page.js";
@@ -27,8 +28,6 @@ async function firstOf(path, wanted) {
 }
 
 function useDeliveries(state, reference) {
-  const [page, setPage] = useState({items: [], hasMore: false});
-  const [problem, setProblem] = useState("");
   const path = `/v1/deliveries?${new URLSearchParams({
     ...(state ? {state} : {}), ...(reference ? {reference} : {}),
   })}`;
@@ -36,21 +35,8 @@ function useDeliveries(state, reference) {
   const rows = asked.path === path ? asked.rows : PAGE;
   // The list is read again when a delivery comes or goes; the live picture updates the rows.
   const open = Object.keys(picture.deliveries.value).sort().join();
-  // An answer is shown unless the answer to a later question is.
-  const [turn, shown] = [useRef(0), useRef({path, turn: 0})];
-  if (shown.current.path !== path) shown.current = {path, turn: turn.current};
-  useEffect(() => {
-    const own = (turn.current += 1);
-    const show = (action) => {
-      if (own <= shown.current.turn || shown.current.path !== path) return;
-      shown.current = {path, turn: own};
-      action();
-    };
-    firstOf(path, rows).then(
-      (read) => show(() => (setPage(read), setProblem(""))),
-      (refusal) => show(() => setProblem(refusal.message)));
-  }, [path, rows, open]);
-  return {page, problem, more: () => ask({path, rows: rows + PAGE})};
+  const {answer, problem} = useRead(() => firstOf(path, rows), {changed: `${path} ${rows} ${open}`});
+  return {page: answer ?? {items: [], hasMore: false}, problem, more: () => ask({path, rows: rows + PAGE})};
 }
 
 // What can be found in the rows that are read.

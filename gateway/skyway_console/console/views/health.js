@@ -4,7 +4,7 @@ import {useRef} from "preact/hooks";
 
 import {get} from "../api.js";
 import {html} from "../html.js";
-import {usePolled} from "../polled.js";
+import {useRead} from "../use_read.js";
 import {dayText, durationText, inWords} from "../words.js";
 import {Facts} from "../parts/facts.js";
 import {failures, queues, rateBetween, sumOf} from "../parts/figures.js";
@@ -110,7 +110,7 @@ export function HealthView() {
     looks.current = [{at: performance.now(), services}, looks.current[0]];
     return looks.current;
   };
-  const {answer, problem} = usePolled(look, EVERY_MS, "system");
+  const {answer, problem} = useRead(look, {everyMs: EVERY_MS});
   const [now, last] = answer ?? [];
   if (!now) return html`<div class="page"><p>${problem || "Reading…"}</p></div>`;
   const elapsedS = last ? (now.at - last.at) / 1000 : null;

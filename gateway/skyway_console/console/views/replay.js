@@ -10,6 +10,7 @@ import {html} from "../html.js";
 import {FleetMap} from "../map/fleet_map.js";
 import {isNarrow} from "../narrow.js";
 import {listNetworks, networkContent, shownNetwork} from "../networks.js";
+import {useRead} from "../use_read.js";
 import {dronesAt, readRecord} from "../parts/flight_record.js";
 import {attempt} from "../parts/messages.js";
 import {closuresAt, missionAt, readClosures, readPlans, spanOf} from "../parts/past_plans.js";
@@ -79,22 +80,11 @@ function useRecord(span) {
   return read;
 }
 
+const NO_PLANS = [];
+
 // The plans of the chosen drone in the span.
-function usePlans(droneId, span) {
-  const [plans, setPlans] = useState([]);
-  useEffect(() => {
-    let isGone = false;
-    setPlans([]);
-    if (droneId !== null) {
-      attempt(async () => {
-        const found = await readPlans(droneId, span);
-        if (!isGone) setPlans(found);
-      });
-    }
-    return () => (isGone = true);
-  }, [droneId, span.from, span.until]);
-  return plans;
-}
+const usePlans = (droneId, span) => useRead(
+  async () => (droneId === null ? [] : readPlans(droneId, span)), {key: `${droneId} ${span.from}`});
 
 const Chosen = ({droneId, onAll}) => html`
   <p class="chosen">${droneId
@@ -134,7 +124,8 @@ export function ReplayView({parts: [fromText, chosen]}) {
   const {text, ...past} = useRecord(span);
   const {record, closures} = past;
   const [atMs, setAt] = usePlayer(span, isPlaying, speed);
-  const plans = usePlans(droneId, span);
+  const {answer, problem} = usePlans(droneId, span);
+  const plans = answer ?? NO_PLANS;
   const drones = dronesAt(record, atMs);
   const closed = closuresAt(closures, atMs);
   const events = eventsOf(past, plans, droneId, span);
@@ -148,7 +139,7 @@ export function ReplayView({parts: [fromText, chosen]}) {
   return html`
     <div class="replay-view" ref=${view} tabindex="-1" onKeyDown=${keysOf(player)}>
       <h1 class="hidden">Replay</h1>
-      <${ReplayPlayer} ...${player} text=${text} onSpan=${(from) => setSpan(spanFrom(from))} speed=${speed}
+      <${ReplayPlayer} ...${player} text=${problem || text} onSpan=${(from) => setSpan(spanFrom(from))} speed=${speed}
         onSpeed=${setSpeed}><${Chosen} droneId=${droneId} onAll=${() => setDrone(null)} /></${ReplayPlayer}>
       <div class="replay-body">
         <div class="map-view">

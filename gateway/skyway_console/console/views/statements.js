@@ -1,7 +1,6 @@
 // Statements of a month: what customers pay and providers get, and the lines that they sum up.
 
 import {signal} from "@preact/signals";
-import {useEffect, useState} from "preact/hooks";
 
 import {get, part, saveCsv} from "../api.js";
 import {WORDS} from "../desk_words.js";
@@ -9,6 +8,7 @@ import {fleetNow} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {pathTo} from "../routes.js";
 import {session} from "../session.js";
+import {useRead} from "../use_read.js";
 import {dayText, inWords, money, momentText, shortId} from "../words.js";
 import {Earned} from "../parts/earned.js";
 import {attempt} from "../parts/messages.js";
@@ -19,20 +19,10 @@ const PATH = "/v1/statements";
 // It outlives the view. Empty: the present month.
 const chosenMonth = signal("");
 
-function useMonth(month) {
-  const [found, setFound] = useState(null);
-  const [problem, setProblem] = useState("");
-  useEffect(() => {
-    let isOld = false;
-    setFound(null);
-    setProblem("");
-    const read = (path) => get(`${path}?month=${part(month)}&limit=200`);
-    Promise.all([read(PATH), read(`${PATH}/lines`)]).then(
-      ([statements, lines]) => isOld || setFound({statements, lines}),
-      (refusal) => isOld || setProblem(refusal.message));
-    return () => (isOld = true);
-  }, [month]);
-  return {found, problem};
+async function readMonth(month) {
+  const read = (path) => get(`${path}?month=${part(month)}&limit=200`);
+  const [statements, lines] = await Promise.all([read(PATH), read(`${PATH}/lines`)]);
+  return {statements, lines};
 }
 
 function Statement({of: {role, party_id: party, currency, amount, items, deliveries, lines, closed_at: closedAt}}) {
@@ -83,7 +73,7 @@ const Month = ({month, found}) => html`
 
 export function StatementsView() {
   const month = chosenMonth.value || new Date(fleetNow()).toISOString().slice(0, 7);
-  const {found, problem} = useMonth(month);
+  const {answer: found, problem} = useRead(() => readMonth(month), {key: month});
   return html`
     <div class="page">
       <h1>Statements</h1>
