@@ -3,6 +3,7 @@
 import {batch, computed, signal} from "@preact/signals";
 
 import {get} from "./api.js";
+import {merged} from "./merge_patch.js";
 import {session} from "./session.js";
 import {SharedStream} from "./shared_stream.js";
 import {onHidden, onWake} from "./wakes.js";
@@ -25,17 +26,6 @@ let isWhole = false;
 // When this page last heard of the gateway by the stream, in milliseconds of the page's life.
 let heardMs = 0;
 export const streamHeardMs = () => heardMs;
-
-// The document after a merge patch (RFC 7396); the given one is left as it is.
-export function merged(target, patch) {
-  if (typeof patch !== "object" || patch === null || Array.isArray(patch)) return patch;
-  const result = typeof target === "object" && target !== null ? {...target} : {};
-  for (const [name, value] of Object.entries(patch)) {
-    if (value === null) delete result[name];
-    else result[name] = merged(result[name], value);
-  }
-  return result;
-}
 
 export function followPicture() {
   leavePicture();
