@@ -99,6 +99,9 @@ export async function all(path, most = 2_000) {
 
 export const part = encodeURIComponent;
 
+// Two moments, in ms, as the query of a call.
+export const spanQuery = (from, to) => `from=${new Date(from).toISOString()}&to=${new Date(to).toISOString()}`;
+
 // Saves a list as a CSV file: all its pages, with the names of the columns once.
 export async function saveCsv(path, name) {
   const rows = [];

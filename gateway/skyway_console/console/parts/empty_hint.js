@@ -1,7 +1,7 @@
 // What to do next, while the system has no network, no drone or no delivery; operators can have it done.
 
 import {signal} from "@preact/signals";
-import {useEffect, useState} from "preact/hooks";
+import {useState} from "preact/hooks";
 
 import {call, get, post} from "../api.js";
 import {html} from "../html.js";
@@ -9,7 +9,7 @@ import {connection, picture} from "../live.js";
 import {networks} from "../networks.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
-import {useRead} from "../use_read.js";
+import {useRead, useReadPath} from "../use_read.js";
 import {attempt} from "./messages.js";
 import {Panel} from "./panel.js";
 
@@ -27,16 +27,14 @@ function Begin({text, verb, done, action}) {
 }
 
 function SmallWorld() {
-  const [world, setWorld] = useState("UNAVAILABLE");
-  useEffect(() => {
-    get("/v1/system").then(({small_world: state}) => setWorld(state), () => null);
-  }, []);
+  const {answer, again} = useReadPath("/v1/system");
+  const world = answer?.small_world;
   return html`
     ${world === "AVAILABLE" && html`<${Begin} verb="Start a small world"
       text="See everything move: three simulated fleets in Texas, four shops that order every few seconds, and
         something that happens every few minutes: a closure, a late drone, a gust."
       done="The small world starts. Its drones appear in a moment."
-      action=${() => post("/v1/small-world").then(() => setWorld("REQUESTED"))} />`}
+      action=${() => post("/v1/small-world").then(again)} />`}
     ${world === "REQUESTED" && html`<p role="status">The small world starts…</p>`}`;
 }
 

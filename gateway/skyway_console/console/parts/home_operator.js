@@ -1,6 +1,6 @@
 // An operator's day: what needs somebody now, and how deliveries, drones, pads and services are.
 
-import {get} from "../api.js";
+import {get, spanQuery} from "../api.js";
 import {hasBegun} from "../closed.js";
 import {fleetNow, ticks} from "../fleet_clock.js";
 import {silentServices} from "../freshness.js";
@@ -123,8 +123,7 @@ async function readPads() {
   const hours = [];
   for (const from of hoursOfToday(fleetNow())) {
     const until = Math.min(from + HOUR_MS, fleetNow());
-    const span = `from=${new Date(from).toISOString()}&to=${new Date(until).toISOString()}`;
-    const total = known.get(from) ?? (await get(`/v1/stats/pads?limit=1&${span}`)).total;
+    const total = known.get(from) ?? (await get(`/v1/stats/pads?limit=1&${spanQuery(from, until)}`)).total;
     if (fleetNow() > from + 2 * HOUR_MS) known.set(from, total);
     hours.push({from, pads: total.pads, used: (total.utilisation ?? 0) * total.pads});
   }

@@ -1,10 +1,11 @@
 // Asks for a key. The key is sent once, for a session or for one call; the page keeps it nowhere.
 
-import {useEffect, useRef, useState} from "preact/hooks";
+import {useState} from "preact/hooks";
 
 import {keyWanted} from "../api.js";
 import {html} from "../html.js";
 import {beginSession} from "../session.js";
+import {useModal} from "./panel.js";
 
 export function LoginForm({problem}) {
   const [refused, setRefused] = useState(problem);
@@ -40,8 +41,7 @@ export function KeyDialog() {
 }
 
 function Dialog({give}) {
-  const element = useRef(null);
-  useEffect(() => element.current.showModal(), []);
+  const element = useModal();
   function answer(key) {
     if (keyWanted.value === give) keyWanted.value = null;
     give(key);
