@@ -10,6 +10,7 @@ import {pathTo} from "../routes.js";
 import {useRead} from "../use_read.js";
 import {money, stationName} from "../words.js";
 import {attempt} from "./messages.js";
+import {Table} from "./table.js";
 
 const TEXTS = WORDS.earned;
 const stationText = (id) => (id ? stationName(id) : TEXTS.archived);
@@ -31,10 +32,8 @@ export function Earned({month}) {
     <div class="commands"><button onClick=${() => attempt(() => saveCsv(`${path}&limit=200`, `earnings-${by}-${month}.csv`))}>
       ${TEXTS.csv}</button></div>
     ${problem && html`<p class="refused" role="alert">${problem}</p>`}
-    ${found && html`<div class="table"><table class="as-cards" aria-label=${TEXTS.by}>
-      <thead><tr><th>${TEXTS[found.by]}</th><th>${TEXTS.counted}</th><th>${TEXTS.amount}</th></tr></thead>
-      <tbody>${found.items.map((each) => html`
-        <tr><td class="title">${NAMES[found.by](each)}</td><td class="number" data-label=${TEXTS.counted}>${each.deliveries}</td>
-          <td class="number" data-label=${TEXTS.amount}>${money(each)}</td></tr>`)}</tbody>
-    </table></div>`}`;
+    ${found && html`<${Table} label=${TEXTS.by} items=${found.items} columns=${[
+      [TEXTS[found.by], NAMES[found.by], "title"],
+      [TEXTS.counted, ({deliveries}) => deliveries, "number"], [TEXTS.amount, money, "number"],
+    ]} />`}`;
 }

@@ -12,25 +12,20 @@ import {KeyForm, TestKeyForm} from "./key_form.js";
 import {attempt} from "./messages.js";
 import {SecretBox} from "./secret_box.js";
 import {SureButton} from "./sure_button.js";
+import {Table, unseen} from "./table.js";
 
 function secretsOf({key, mqtt}) {
   return [["Key", key], ...(mqtt ? [["Broker user", mqtt.user_name], ["Broker password", mqtt.password]] : [])];
 }
 
-function KeyRow({each, onDelete}) {
-  const {key_id, role, subject_id, name, livemode, scopes, created_wall_at, expires_wall_at} = each;
-  return html`
-    <tr>
-      <td class="title">${name && html`${name}<br />`}<small>${key_id}</small></td>
-      <td data-label="For">${subject_id}<br /><small>${inWords(role)}</small></td>
-      <td data-label=${WORDS.keys.mode}>${livemode ? WORDS.keys.live : html`<span class="tag">${WORDS.keys.test}</span>`}</td>
-      <td data-label="Allows">${scopes ? scopes.join(", ") : "all of its role"}</td>
-      <td data-label="Made">${dayText(created_wall_at)}</td>
-      <td data-label="Ends">${expires_wall_at ? dayText(expires_wall_at) : "never"}</td>
-      <td>${(isOperator() || !livemode) && html`
-        <${SureButton} verb="Delete" label=${`Delete key ${name ?? key_id}`} onSure=${onDelete} />`}</td>
-    </tr>`;
-}
+const COLUMNS = [
+  ["Name", ({key_id, name}) => html`${name && html`${name}<br />`}<small>${key_id}</small>`, "title"],
+  ["For", ({subject_id, role}) => html`${subject_id}<br /><small>${inWords(role)}</small>`],
+  [WORDS.keys.mode, ({livemode}) => (livemode ? WORDS.keys.live : html`<span class="tag">${WORDS.keys.test}</span>`)],
+  ["Allows", ({scopes}) => (scopes ? scopes.join(", ") : "all of its role")],
+  ["Made", ({created_wall_at: at}) => dayText(at)],
+  ["Ends", ({expires_wall_at: at}) => (at ? dayText(at) : "never")],
+];
 
 export function KeyList() {
   const {answer: keys, problem, again: read} = useRead(() => all("/v1/keys"));
@@ -45,15 +40,12 @@ export function KeyList() {
     if (await attempt(() => call("DELETE", `/v1/keys/${part(key_id)}`), "The key is deleted.")) read();
   }
 
+  const deleting = [unseen("Delete"), (each) => (isOperator() || !each.livemode) && html`
+    <${SureButton} verb="Delete" label=${`Delete key ${each.name ?? each.key_id}`} onSure=${() => remove(each)} />`];
   return html`
     <h2>Keys</h2>
     ${problem && html`<p class="refused" role="alert">${problem}</p>`}
-    <div class="table"><table class="as-cards" aria-label="Keys">
-      <thead><tr><th>Name</th><th>For</th><th>${WORDS.keys.mode}</th><th>Allows</th><th>Made</th><th>Ends</th>
-        <th><span class="unseen">Delete</span></th></tr></thead>
-      <tbody>${(keys ?? []).map((each) => html`
-        <${KeyRow} key=${each.key_id} each=${each} onDelete=${() => remove(each)} />`)}</tbody>
-    </table></div>
+    <${Table} label="Keys" items=${keys ?? []} columns=${[...COLUMNS, deleting]} row=${({key_id: key}) => ({key})} />
     ${made && html`<${SecretBox} title="The new key" secrets=${secretsOf(made)} onClose=${() => setMade(null)}
       hint="It is shown only now. Nobody can read it again." />`}
     ${isOperator() ? html`<h2>New key</h2><${KeyForm} onMake=${make} />`

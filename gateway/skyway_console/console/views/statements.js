@@ -12,6 +12,7 @@ import {useRead} from "../use_read.js";
 import {dayText, inWords, money, momentText, shortId} from "../words.js";
 import {Earned} from "../parts/earned.js";
 import {attempt} from "../parts/messages.js";
+import {Table} from "../parts/table.js";
 
 const TEXTS = WORDS.statements;
 const PATH = "/v1/statements";
@@ -42,20 +43,19 @@ function Statement({of: {role, party_id: party, currency, amount, items, deliver
 const deliveryOf = (id) => (session.value.role === "provider"
   ? shortId(id) : html`<a href=${pathTo("deliveries", id)}>${shortId(id)}</a>`);
 
+const LINE_COLUMNS = [
+  ["Written", ({at}) => momentText(at), "title"],
+  ["Delivery", ({delivery_id: id}) => deliveryOf(id)],
+  ["Mission", ({mission_id: id}) => shortId(id)],
+  ["Kind", ({kind}) => inWords(kind)],
+  ["Amount", money, "number"],
+  ["Why", ({note}) => note],
+];
+
 const Lines = ({of: {items, next_cursor: more}}) => html`
   <h2>${TEXTS.lines}</h2>
-  <div class="table"><table class="as-cards" aria-label=${TEXTS.lines}>
-    <thead><tr><th>Written</th><th>Delivery</th><th>Mission</th><th>Kind</th><th>Amount</th><th>Why</th></tr></thead>
-    <tbody>${items.map((line) => html`
-      <tr key=${line.mission_id + line.number}>
-        <td class="title">${momentText(line.at)}</td>
-        <td data-label="Delivery">${deliveryOf(line.delivery_id)}</td>
-        <td data-label="Mission">${shortId(line.mission_id)}</td>
-        <td data-label="Kind">${inWords(line.kind)}</td>
-        <td class="number" data-label="Amount">${money(line)}</td>
-        <td data-label="Why">${line.note}</td>
-      </tr>`)}</tbody>
-  </table></div>
+  <${Table} label=${TEXTS.lines} items=${items} columns=${LINE_COLUMNS}
+    row=${(line) => ({key: line.mission_id + line.number})} />
   ${more && html`<p>${TEXTS.more}</p>`}`;
 
 const Month = ({month, found}) => html`
