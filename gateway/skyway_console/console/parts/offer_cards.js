@@ -2,16 +2,14 @@
 
 import {useEffect, useRef, useState} from "preact/hooks";
 
-import {post} from "../api.js";
 import {WORDS} from "../desk_words.js";
 import {ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
-import {openView} from "../routes.js";
 import {distanceText, durationText, inWords, marginText, money, momentText, shortId, stationName}
   from "../words.js";
 import {attempt} from "./messages.js";
 import {OfferNotes} from "./offer_notes.js";
-import {beginAgain, offeredWays, people} from "./request_draft.js";
+import {offeredWays, requestDelivery} from "./request_draft.js";
 
 const METRES_PER_KM = 1_000;
 const JOULES_PER_WH = 3_600;
@@ -97,14 +95,11 @@ export function OfferCards({quote, names, onAsk, onRequest}) {
     await attempt(async () => {
       // The same offer is taken once, however often somebody presses the button.
       const headers = {"Idempotency-Key": `take-${offer_id}`};
-      const {delivery_id} = await post("/v1/deliveries", {quote_id, offer_id, ...people()}, headers)
-        .catch(async (refusal) => {
-          if (!GONE.has(refusal.problem?.code)) throw refusal;
-          await onAsk();
-          throw new Error(TEXT.gone);
-        });
-      beginAgain();
-      openView("deliveries", delivery_id);
+      await requestDelivery({quote_id, offer_id}, headers).catch(async (refusal) => {
+        if (!GONE.has(refusal.problem?.code)) throw refusal;
+        await onAsk();
+        throw new Error(TEXT.gone);
+      });
     }, "The delivery is requested.");
     setBusy(false);
   }
