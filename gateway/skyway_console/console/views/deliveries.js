@@ -2,7 +2,7 @@
 
 import {useState} from "preact/hooks";
 
-import {get, part} from "../api.js";
+import {firstOf, part} from "../api.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {openView, pathTo} from "../routes.js";
@@ -15,18 +15,6 @@ import {Table} from "../parts/table.js";
 
 // So many deliveries are shown at first, and so many more each time.
 const PAGE = 50;
-const MOST_OF_A_PAGE = 200;
-
-// The first deliveries of a list: as many as are wanted.
-async function firstOf(path, wanted) {
-  let [items, cursor] = [[], null];
-  do {
-    const limit = Math.min(MOST_OF_A_PAGE, wanted - items.length);
-    const next = await get(`${path}&limit=${limit}${cursor ? `&cursor=${part(cursor)}` : ""}`);
-    [items, cursor] = [[...items, ...next.items], next.next_cursor];
-  } while (cursor && items.length < wanted);
-  return {items, hasMore: Boolean(cursor)};
-}
 
 function useDeliveries(state, reference) {
   const path = `/v1/deliveries?${new URLSearchParams({
