@@ -85,16 +85,12 @@ function form(one, given, read, ...children) {
 }
 
 async function refusal(body) {
-  let answer;
-  try {
-    answer = await fetch(`${here}/proof`, {
-      method: "POST",
-      headers: {"content-type": "application/json"},
-      body: JSON.stringify(body),
-    });
-  } catch {
-    return "No connection. Try again.";
-  }
+  const answer = await fetch(`${here}/proof`, {
+    method: "POST",
+    headers: {"content-type": "application/json"},
+    body: JSON.stringify(body),
+  }).catch(() => null);
+  if (!answer) return "No connection. Try again.";
   if (answer.ok || ("pin" in body && answer.status === 422)) return ""; // the tries are shown
   if (answer.status === 409) return "The drone does not wait any more.";
   return answer.status === 429 ? "Too many tries. Wait a moment." : "This was not accepted.";

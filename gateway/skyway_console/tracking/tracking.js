@@ -125,19 +125,13 @@ function showTrouble(text) {
 async function look() {
   clearTimeout(again);
   if (isEnded) return;
-  let answer;
-  try {
-    answer = await fetch(`${here}/state`);
-  } catch {
-    showTrouble(WORDS.noConnection);
-    return;
-  }
-  if (answer.status === 404) {
+  const answer = await fetch(`${here}/state`).catch(() => null);
+  if (answer?.status === 404) {
     showEnd();
     return;
   }
-  if (!answer.ok) {
-    showTrouble(WORDS.noAnswer);
+  if (!answer?.ok) {
+    showTrouble(answer ? WORDS.noAnswer : WORDS.noConnection);
     return;
   }
   state = await answer.json();
