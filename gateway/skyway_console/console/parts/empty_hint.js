@@ -1,7 +1,6 @@
 // What to do next, while the system has no network, no drone or no delivery; operators can have it done.
 
 import {signal} from "@preact/signals";
-import {useState} from "preact/hooks";
 
 import {call, get, post} from "../api.js";
 import {html} from "../html.js";
@@ -12,18 +11,16 @@ import {isOperator, session} from "../session.js";
 import {useRead, useReadPath} from "../use_read.js";
 import {attempt} from "./messages.js";
 import {Panel} from "./panel.js";
+import {useBusy} from "./use_busy.js";
 
 const publish = async () =>
   call("PUT", "/v1/networks/texas-corridor", await get("/console/bundled-network.json"));
 
 function Begin({text, verb, done, action}) {
-  const [isBusy, setBusy] = useState(false);
-  async function act() {
-    setBusy(true);
-    await attempt(action, done);
-    setBusy(false);
-  }
-  return html`<p>${text}</p><button class="main" disabled=${isBusy} onClick=${act}>${verb}</button>`;
+  const [isBusy, busy] = useBusy();
+  return html`
+    <p>${text}</p>
+    <button class="main" disabled=${isBusy} onClick=${() => busy(() => attempt(action, done))}>${verb}</button>`;
 }
 
 function SmallWorld() {

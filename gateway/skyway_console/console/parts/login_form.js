@@ -6,17 +6,16 @@ import {keyWanted} from "../api.js";
 import {html} from "../html.js";
 import {beginSession} from "../session.js";
 import {useModal} from "./panel.js";
+import {useBusy} from "./use_busy.js";
 
 export function LoginForm({problem}) {
   const [refused, setRefused] = useState(problem);
-  const [isBusy, setBusy] = useState(false);
+  const [isBusy, busy] = useBusy();
 
   async function login(event) {
     event.preventDefault();
-    setBusy(true);
     const key = new FormData(event.target).get("key").trim();
-    await beginSession(key).catch((refusal) => setRefused(refusal.message));
-    setBusy(false);
+    await busy(() => beginSession(key).catch((refusal) => setRefused(refusal.message)));
   }
 
   return html`

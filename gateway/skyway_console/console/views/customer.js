@@ -17,6 +17,7 @@ import {beginAgain, quoteRequest, requestDelivery, suggestPickup} from "../parts
 import {RequestForm} from "../parts/request_form.js";
 import {RequestMap} from "../parts/request_map.js";
 import {ServiceStatus} from "../parts/service_status.js";
+import {useBusy} from "../parts/use_busy.js";
 
 // Names of providers by their ids; customers see each provider's card.
 async function readNames() {
@@ -55,24 +56,20 @@ export function CustomerView() {
   usePickup(network);
   const [quote, setQuote] = useState(null);
   const [refused, setRefused] = useState("");
-  const [isBusy, setBusy] = useState(false);
+  const [isBusy, busy] = useBusy();
 
-  async function ask() {
-    setBusy(true);
+  const ask = () => busy(async () => {
     setRefused("");
     setQuote(await post("/v1/quotes", quoteRequest()).catch((refusal) => {
       setRefused(refusal.message);
       return null;
     }));
-    setBusy(false);
-  }
+  });
 
   // A delivery without an offer can join the trip of another one; an accepted offer cannot.
-  async function request() {
-    setBusy(true);
+  function request() {
     const {hold, ...asked} = quoteRequest();
-    await attempt(() => requestDelivery(asked), "The delivery is requested.");
-    setBusy(false);
+    return busy(() => attempt(() => requestDelivery(asked), "The delivery is requested."));
   }
 
   if (!network) {
