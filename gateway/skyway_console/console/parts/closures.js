@@ -67,19 +67,19 @@ export function askToClose(title, path, order = {}, moments = CLOSURE_MOMENTS) {
   });
 }
 
-// By the kind of a closure: its name, and the path of the closures of its place.
+// By the kind of a closure: its name and its path.
 const KINDS = {
-  STATION: ({station_id: station}) =>
-    [`Station ${stationName(station)}`, `/v1/stations/${part(station)}/closures`],
-  PAD: ({station_id: station, pad}) =>
-    [`Pad ${pad} of ${stationName(station)}`, `/v1/stations/${part(station)}/pads/${pad}/outages`],
-  SEGMENT: ({station_id: station, to_station_id: to}) =>
-    [`Segment ${stationName(station)} – ${stationName(to)}`, `/v1/segments/${part(station)}/${part(to)}/closures`],
-  ZONE: () => ["Area", "/v1/zones"],
-  GROUND_STOP: () => ["Ground stop", "/v1/ground-stops"],
+  STATION: ({station_id: station}, id) =>
+    [`Station ${stationName(station)}`, `/v1/stations/${part(station)}/closures/${id}`],
+  PAD: ({station_id: station, pad}, id) =>
+    [`Pad ${pad} of ${stationName(station)}`, `/v1/stations/${part(station)}/pads/${pad}/outages/${id}`],
+  SEGMENT: ({station_id: station, to_station_id: to}, id) =>
+    [`Segment ${stationName(station)} – ${stationName(to)}`, `/v1/segments/${part(station)}/${part(to)}/closures/${id}`],
+  ZONE: (_, id) => ["Area", `/v1/zones/${id}`],
+  GROUND_STOP: (_, id) => ["Ground stop", `/v1/ground-stops/${id}`],
 };
 
-const closurePath = (closureId, closure) => `${KINDS[closure.kind](closure)[1]}/${part(closureId)}`;
+const closurePath = (closureId, closure) => KINDS[closure.kind](closure, part(closureId))[1];
 
 export const closureName = (closure) => KINDS[closure.kind](closure)[0];
 
