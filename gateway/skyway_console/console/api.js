@@ -16,6 +16,7 @@ const READ_WITHIN_MS = 60_000;
 const MOST_REPEATS = 3;
 const LONGEST_PAUSE_S = 10;
 const S_IN_MS = 1_000;
+const MOST_OF_A_PAGE = 200;
 
 const sentence = (text) => `${text.charAt(0).toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? "" : "."}`;
 
@@ -84,20 +85,24 @@ export async function call(method, path, body, headers = {}, repeats = MOST_REPE
 export const get = (path) => call("GET", path);
 export const post = (path, body, headers) => call("POST", path, body ?? {}, headers);
 
-// All items of a list, page by page, up to `most`.
-export async function all(path, most = 2_000) {
-  const items = [];
-  let cursor = null;
+// The first items of a list, page by page, up to `most`, and whether there are more.
+export async function firstOf(path, most) {
+  let [items, cursor] = [[], null];
   do {
+    const limit = Math.min(MOST_OF_A_PAGE, most - items.length);
     const joint = path.includes("?") ? "&" : "?";
-    const page = await get(`${path}${joint}limit=200${cursor ? `&cursor=${encodeURIComponent(cursor)}` : ""}`);
-    items.push(...page.items);
-    cursor = page.next_cursor;
+    const page = await get(`${path}${joint}limit=${limit}${cursor ? `&cursor=${encodeURIComponent(cursor)}` : ""}`);
+    [items, cursor] = [[...items, ...page.items], page.next_cursor];
   } while (cursor && items.length < most);
-  return items;
+  return {items, hasMore: Boolean(cursor)};
 }
 
+export const all = async (path, most = 2_000) => (await firstOf(path, most)).items;
+
 export const part = encodeURIComponent;
+
+// Two moments, in ms, as the query of a call.
+export const spanQuery = (from, to) => `from=${new Date(from).toISOString()}&to=${new Date(to).toISOString()}`;
 
 // Saves a list as a CSV file: all its pages, with the names of the columns once.
 export async function saveCsv(path, name) {

@@ -3,6 +3,7 @@
 import {computed} from "@preact/signals";
 
 import {picture} from "./live.js";
+import {capital} from "./words.js";
 
 const FIRST = ("amber azure bold brave bright brisk calm clear clever coral crisp daring deft eager early easy fair fleet "
   + "fond fresh gentle glad golden grand happy hardy hazel honest ivory jade jolly keen kind lively loyal lucky lunar mellow "
@@ -20,8 +21,6 @@ function numberOf(id) {
   hash ^= hash >>> 15;
   return Math.imul(hash, 0x2c1b3c6d) >>> 0;
 }
-
-const capital = (word) => word.charAt(0).toUpperCase() + word.slice(1);
 
 const known = new Map();
 

@@ -4,7 +4,7 @@ import {computed} from "@preact/signals";
 
 import {clockHeardMs, fleetNow, fleetRate, ticks} from "./fleet_clock.js";
 import {connection, picture, streamHeardMs} from "./live.js";
-import {zonedText} from "./words.js";
+import {capital, zonedText} from "./words.js";
 
 // The gateway is asked for the time every 30 s. After two answers that did not come, nothing is live.
 const NO_NEWS_MS = 70_000;
@@ -37,11 +37,9 @@ export const staleClasses = computed(() => {
   return names.length ? ["stale", ...names].join(" ") : "";
 });
 
-const nameText = (name) => name.charAt(0).toUpperCase() + name.slice(1);
-
 function silenceText([name, {silent_since_at: since}]) {
   const when = since ? ` since ${zonedText(since)}` : "";
-  return `${nameText(name)} has not answered${when}: ${FEEDS[name] ?? "its part stands still"}.`;
+  return `${capital(name)} has not answered${when}: ${FEEDS[name] ?? "its part stands still"}.`;
 }
 
 // The sentences that say what is old and since when; none while all is live.

@@ -3,6 +3,8 @@
 import {batch, computed, signal} from "@preact/signals";
 
 import {get} from "./api.js";
+import {followStream} from "./follow_stream.js";
+import {merged} from "./merge_patch.js";
 import {session} from "./session.js";
 import {SharedStream} from "./shared_stream.js";
 import {onHidden, onWake} from "./wakes.js";
@@ -18,24 +20,12 @@ export const connection = signal("opening");
 // Whether a tone sounds when an alarm comes. A tab that listens for alarms keeps its stream when nobody sees it.
 export const alarmSound = signal(false);
 
-const AGAIN_MS = 2_000;
 let shared = null;
 let isWhole = false;
 
 // When this page last heard of the gateway by the stream, in milliseconds of the page's life.
 let heardMs = 0;
 export const streamHeardMs = () => heardMs;
-
-// The document after a merge patch (RFC 7396); the given one is left as it is.
-export function merged(target, patch) {
-  if (typeof patch !== "object" || patch === null || Array.isArray(patch)) return patch;
-  const result = typeof target === "object" && target !== null ? {...target} : {};
-  for (const [name, value] of Object.entries(patch)) {
-    if (value === null) delete result[name];
-    else result[name] = merged(result[name], value);
-  }
-  return result;
-}
 
 export function followPicture() {
   leavePicture();
@@ -50,35 +40,14 @@ export function followPicture() {
 const wholePicture = () => Object.fromEntries(KINDS.map((kind) => [kind, picture[kind].peek()]));
 
 // Opens the event stream; the answer closes it.
-function openStream(pass, mark) {
-  let again = null;
-  let stream = null;
-  const open = () => {
-    stream = new EventSource("/v1/live");
-    // The browser has connected again, and the stream goes on where it was: perhaps nothing has changed.
-    stream.addEventListener("open", () => isWhole && pass({type: "state", state: "open"}));
-    for (const type of ["snapshot", "change"]) {
-      stream.addEventListener(type, ({data}) => pass({type, state: "open", data: JSON.parse(data)}));
-    }
-    stream.addEventListener("error", () => {
-      pass({type: "state", state: "lost"});
-      clearTimeout(again);
-      again = setTimeout(askAgain, AGAIN_MS);
-    });
-  };
-  async function askAgain() {
-    const own = stream;
-    const isSame = await isSameSession(mark);
-    // The browser connects again by itself, except after a refusal.
-    if (isSame && own === stream && own?.readyState === EventSource.CLOSED) open();
+const openStream = (pass, mark) => followStream("/v1/live", (stream) => {
+  // The browser has connected again, and the stream goes on where it was: perhaps nothing has changed.
+  stream.addEventListener("open", () => isWhole && pass({type: "state", state: "open"}));
+  for (const type of ["snapshot", "change"]) {
+    stream.addEventListener(type, ({data}) => pass({type, state: "open", data: JSON.parse(data)}));
   }
-  open();
-  return () => {
-    clearTimeout(again);
-    stream.close();
-    stream = null;
-  };
-}
+  stream.addEventListener("error", () => pass({type: "state", state: "lost"}));
+}, () => isSameSession(mark));
 
 // An ended session shows itself here, and the console asks for a key. Another tab may have logged in
 // as somebody else: nothing that was read before stays in this page then.

@@ -3,6 +3,7 @@
 import {computed, signal} from "@preact/signals";
 
 import {get, part} from "./api.js";
+import {stationsOf} from "./map/features.js";
 
 // null while they were not asked for.
 export const networks = signal(null);
@@ -41,4 +42,10 @@ export function networkContent(networkId) {
     content.then(keepNames, () => contents.delete(networkId));
   }
   return contents.get(networkId);
+}
+
+// The ids of the stations of all networks, in order.
+export async function allStationIds() {
+  const contents = await Promise.all((await listNetworks()).map(({network_id: id}) => networkContent(id)));
+  return contents.flatMap(stationsOf).map(({properties}) => properties.station_id).sort();
 }

@@ -1,6 +1,7 @@
 // The states of the API in plain words: a short name, and a sentence that says what it means.
 
 import {html} from "./html.js";
+import {inWords} from "./words.js";
 
 const STATES = {
   delivery: {
@@ -73,16 +74,15 @@ const STATES = {
   },
 };
 
+// The states of deliveries that change no more.
+export const isOver = (state) =>
+  ["COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"].includes(state);
+
 // The states of a kind in the order of a life: all that the API has.
 export const statesOf = (kind) => Object.keys(STATES[kind]);
 
 // A state that a newer gateway has still reads as words.
-const spelled = (state) => {
-  const words = String(state).toLowerCase().replaceAll("_", " ");
-  return words.charAt(0).toUpperCase() + words.slice(1);
-};
-
-export const stateName = (kind, state) => STATES[kind][state]?.[0] ?? spelled(state);
+export const stateName = (kind, state) => STATES[kind][state]?.[0] ?? inWords(state);
 export const stateHint = (kind, state) => STATES[kind][state]?.[1] ?? "";
 
 export const StateText = ({kind, of: state}) =>

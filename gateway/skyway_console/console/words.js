@@ -68,17 +68,22 @@ export function marginText({risk} = {}) {
 // The ends of ids differ, their beginnings hardly do.
 export const shortId = (id) => (id.length > 12 ? `…${id.slice(-6)}` : id);
 
+// A place of the API: a station, or a point without a name.
+export const placeName = ({station_id: station}) => (station ? stationName(station) : "a place on the map");
+
+// A fault of a drone has a code, or is one.
+export const faultName = (fault) => inWords(fault.code ?? fault);
+
 // The words of its id, until its network's content is here, or where it has no name.
 export const stationName = (id) => stationNames.value.get(id) ?? wordsOfId(id);
 
 export const wordsOfId = (id) =>
-  id.split(/[-_]/).map((word) => word.charAt(0).toUpperCase() + word.slice(1)).join(" ");
+  id.split(/[-_]/).map(capital).join(" ");
 
 // "dji-matrice-300-rtk" is "DJI Matrice 300 RTK": short words without a digit are abbreviations.
 export const modelName = (id) => wordsOfId(id).split(" ")
   .map((word) => (/^[a-z]{1,3}$/i.test(word) ? word.toUpperCase() : word)).join(" ");
 
-export const inWords = (name) => {
-  const words = String(name).toLowerCase().replaceAll("_", " ");
-  return words.charAt(0).toUpperCase() + words.slice(1);
-};
+export const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+export const inWords = (name) => capital(String(name).toLowerCase().replaceAll("_", " "));

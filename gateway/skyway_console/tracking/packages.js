@@ -1,5 +1,6 @@
 // The cards of the packages: where each comes down, how to get there, and how its delivery ended.
 
+import {line, made} from "./elements.js";
 import {clockTime} from "./moments.js";
 import {isLate} from "./said.js";
 import {locate, mayAsk, standsAt, walkText} from "./walk.js";
@@ -7,14 +8,6 @@ import {WORDS, placeText} from "./words.js";
 
 // What is shown: unchanged cards stay, because somebody may be at a button or a link.
 let shown = "";
-
-function made(name, properties, ...children) {
-  const element = Object.assign(document.createElement(name), properties);
-  element.append(...children);
-  return element;
-}
-
-const line = (text, className = "") => made("p", {textContent: text, className});
 
 // `changed` is called when what is known of the reader's place changes.
 export function showPackages(section, state, {nameOf, now, changed}) {

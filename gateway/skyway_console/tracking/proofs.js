@@ -1,5 +1,7 @@
 // The proofs of hand-overs: the PIN, the field for the PIN, the field for a signature, the picture.
 
+import {line, made} from "./elements.js";
+
 const MOST_TRIES = 5;
 // The field for a signature in its own units, as the server draws it.
 const [WIDTH, HEIGHT] = [1000, 400];
@@ -30,14 +32,6 @@ export function showProofs(section, state, given) {
 
 const hasEnded = (one) =>
   !one.dropoff_proof.given_at && !["CREATED", "LOADED", "IN_TRANSIT"].includes(one.state);
-
-function made(name, properties, ...children) {
-  const element = Object.assign(document.createElement(name), properties);
-  element.append(...children);
-  return element;
-}
-
-const line = (text, className = "") => made("p", {textContent: text, className});
 
 function card(one, given) {
   const proof = one.dropoff_proof;
@@ -91,16 +85,12 @@ function form(one, given, read, ...children) {
 }
 
 async function refusal(body) {
-  let answer;
-  try {
-    answer = await fetch(`${here}/proof`, {
-      method: "POST",
-      headers: {"content-type": "application/json"},
-      body: JSON.stringify(body),
-    });
-  } catch {
-    return "No connection. Try again.";
-  }
+  const answer = await fetch(`${here}/proof`, {
+    method: "POST",
+    headers: {"content-type": "application/json"},
+    body: JSON.stringify(body),
+  }).catch(() => null);
+  if (!answer) return "No connection. Try again.";
   if (answer.ok || ("pin" in body && answer.status === 422)) return ""; // the tries are shown
   if (answer.status === 409) return "The drone does not wait any more.";
   return answer.status === 429 ? "Too many tries. Wait a moment." : "This was not accepted.";

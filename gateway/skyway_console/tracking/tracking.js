@@ -1,5 +1,8 @@
 // The tracking page: shows the state of a delivery, and follows it while it is under way.
 
+import {merged} from "/console/merge_patch.js";
+
+import {made} from "./elements.js";
 import {Glide} from "./glide.js";
 import {clockTime, zoneText} from "./moments.js";
 import {showPackages} from "./packages.js";
@@ -54,13 +57,8 @@ function showStages() {
   const moments = stageMoments();
   element("stages").hidden = place < 0;
   element("stages").replaceChildren(...Object.entries(WORDS.stages).map(([stage, name], number) => {
-    const item = document.createElement("li");
-    item.append(name);
-    if (moments[stage]) {
-      const time = document.createElement("time");
-      time.textContent = clockTime(moments[stage], fleetNow());
-      item.append(time);
-    }
+    const item = made("li", {}, name);
+    if (moments[stage]) item.append(made("time", {textContent: clockTime(moments[stage], fleetNow())}));
     item.className = number < place || reached === "DELIVERED" ? "past" : number === place ? "now" : "";
     if (number === place) item.setAttribute("aria-current", "step");
     return item;
@@ -127,19 +125,13 @@ function showTrouble(text) {
 async function look() {
   clearTimeout(again);
   if (isEnded) return;
-  let answer;
-  try {
-    answer = await fetch(`${here}/state`);
-  } catch {
-    showTrouble(WORDS.noConnection);
-    return;
-  }
-  if (answer.status === 404) {
+  const answer = await fetch(`${here}/state`).catch(() => null);
+  if (answer?.status === 404) {
     showEnd();
     return;
   }
-  if (!answer.ok) {
-    showTrouble(WORDS.noAnswer);
+  if (!answer?.ok) {
+    showTrouble(answer ? WORDS.noAnswer : WORDS.noConnection);
     return;
   }
   state = await answer.json();
@@ -150,17 +142,6 @@ async function look() {
   show();
   if (state.is_over) stream?.close();
   else if (!isFollowing() && Date.now() >= followAgainAt) follow();
-}
-
-// Merge patches (RFC 7396) keep a document of deliveries and drones up to date.
-function merged(target, patch) {
-  if (typeof patch !== "object" || patch === null || Array.isArray(patch)) return patch;
-  const result = typeof target === "object" && target !== null ? {...target} : {};
-  for (const [name, value] of Object.entries(patch)) {
-    if (value === null) delete result[name];
-    else result[name] = merged(result[name], value);
-  }
-  return result;
 }
 
 function isFollowing() {

@@ -83,10 +83,6 @@ def _read(path: PurePosixPath, file: Traversable) -> ConsoleFile:
     return ConsoleFile(_MEDIA_TYPES[path.suffix], content, f'"{checksum[:32]}"')
 
 
-#: The file that the console asks for first; others are named in it.
-STYLE = "style.json"
-
-
 @dataclass(frozen=True, slots=True)
 class BaseMap:
     """Files below a folder; without a folder there are none, and the console draws outlines."""

@@ -106,6 +106,7 @@ _PAGE_HEADERS: Final = {
 _ASSETS: Final = {
     "tracking.css": "text/css",
     "tracking.js": "text/javascript",
+    "elements.js": "text/javascript",
     "glide.js": "text/javascript",
     "moments.js": "text/javascript",
     "packages.js": "text/javascript",

@@ -9,7 +9,7 @@ const EIGHT_FROM_KG = 10;
 
 const airframes = new Map();
 
-export function airframeOf({speed_full_mps: speed, max_payload_kg: payload}) {
+function airframeOf({speed_full_mps: speed, max_payload_kg: payload}) {
   if (speed >= WINGS_FROM_MPS) return "wings";
   if (payload >= EIGHT_FROM_KG) return 8;
   return payload >= SIX_FROM_KG ? 6 : 4;

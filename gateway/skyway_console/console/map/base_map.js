@@ -1,6 +1,8 @@
 // The base map that comes with Skyway and needs no network: land, water, borders and places.
 // tools/make_base_map.py writes ground.json and names the sources.
 
+import {collection, feature} from "./geojson.js";
+
 // What the licences ask a map to say.
 export const SOURCES_TEXT =
   "Natural Earth · US Census · GSHHG (LGPL) · © OpenStreetMap (ODbL) · GeoNames (CC BY 4.0)";
@@ -9,7 +11,7 @@ export const SOURCES_TEXT =
 const KM_OF = (people) => Math.sqrt(people / 5_000);
 
 // A line that is written as its first point and the steps to the next ones, on a grid.
-export function unpacked(steps, gridDeg) {
+function unpacked(steps, gridDeg) {
   const line = [];
   let [x, y] = [0, 0];
   for (let at = 0; at < steps.length; at += 2) {
@@ -18,10 +20,6 @@ export function unpacked(steps, gridDeg) {
   }
   return line;
 }
-
-const collection = (features) => ({type: "FeatureCollection", features});
-const feature = (type, coordinates, properties = {}) => (
-  {type: "Feature", properties, geometry: {type, coordinates}});
 
 // By the name of their source: what the map draws below the fleet.
 function groundFeatures(content) {

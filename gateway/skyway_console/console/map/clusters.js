@@ -1,5 +1,7 @@
 // Drones that are near each other on a small map, as one count.
 
+import {circle, fill, stroke, writeCentred} from "./canvas.js";
+
 const CELL_PX = 54;
 
 // From [{droneId, point}] to [{droneIds, point}]: those of one cell, at the middle of them.
@@ -19,14 +21,8 @@ export function clustersOf(seen) {
 
 export function drawCluster(context, {droneIds, point: [x, y]}, paint) {
   const radius = Math.min(24, 11 + 3 * Math.log10(droneIds.length) * 1.6);
-  context.beginPath();
-  context.arc(x, y, radius, 0, 2 * Math.PI);
-  Object.assign(context, {fillStyle: paint.drone, strokeStyle: paint.halo, lineWidth: 3});
-  context.stroke();
-  context.fill();
-  context.fillStyle = paint.halo;
-  context.font = "700 12px system-ui, sans-serif";
-  context.textAlign = "center";
-  context.textBaseline = "middle";
-  context.fillText(droneIds.length, x, y + 0.5);
+  circle(context, [x, y], radius);
+  stroke(context, paint.halo, 3);
+  fill(context, paint.drone);
+  writeCentred(context, droneIds.length, [x, y], "700 12px", paint.halo);
 }

@@ -2,7 +2,7 @@
 
 import {fleetNow, fleetRate} from "../fleet_clock.js";
 import {airframe} from "./airframes.js";
-import {addCanvas, fitted, textWidth} from "./canvas.js";
+import {addCanvas, circle, drawPicture, fill, fitted, stroke, textWidth} from "./canvas.js";
 import {clustersOf, drawCluster} from "./clusters.js";
 import {colours, onThemeChange} from "./colours.js";
 import {Track, isOld} from "./drone_motion.js";
@@ -237,21 +237,15 @@ function nearest({x, y}, things) {
 // Between pixels of the screen a picture is filtered while it is copied, which takes twice as long.
 const wholePixels = (length) => Math.round(length * devicePixelRatio) / devicePixelRatio;
 
-const drawPicture = (context, picture, [x, y], half) =>
-  context.drawImage(picture, x - half, y - half, 2 * half, 2 * half);
-
-function drawRing(context, [x, y], colour) {
-  context.beginPath();
-  context.arc(x, y, RING_PX, 0, 2 * Math.PI);
-  Object.assign(context, {strokeStyle: colour, lineWidth: 3});
-  context.stroke();
+function drawRing(context, point, colour) {
+  circle(context, point, RING_PX);
+  stroke(context, colour, 3);
 }
 
 function drawName(context, name, [left, top, right, bottom], colour, paint) {
   context.beginPath();
   context.roundRect(left, top, right - left, bottom - top, 5);
-  context.fillStyle = colour;
-  context.fill();
+  fill(context, colour);
   context.fillStyle = paint.halo;
   context.fillText(name, (left + right) / 2, (top + bottom) / 2 + 0.5);
 }

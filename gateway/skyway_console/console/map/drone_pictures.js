@@ -1,5 +1,7 @@
 // Small pictures of drones, each drawn once: copying them is much faster than drawing shapes.
 
+import {circle, drawnPicture, fill, stroke, writeCentred} from "./canvas.js";
+
 // Half of a picture's width and height, in pixels: of a drone with its ring, and of one among many.
 export const HALF_PX = 22;
 export const SMALL_HALF_PX = 8;
@@ -43,7 +45,7 @@ export function smallPicture({activity, soc, heading_deg: heading, mission_id: m
   const key = ((turn * 3 + meaning) * 2 + Number(isFlying)) * 2 + Number(isOld);
   if (!small.pictures.has(key)) {
     const colour = [paint.low, paint.drone, paint.idle][meaning];
-    small.pictures.set(key, drawn(SMALL_HALF_PX, (context) => {
+    small.pictures.set(key, drawnPicture(SMALL_HALF_PX, (context) => {
       if (isOld) context.globalAlpha = 0.4;
       context.rotate((turn * TURN_DEG * Math.PI) / 180);
       path(context, isFlying ? ARROW : SQUARE);
@@ -56,19 +58,8 @@ export function smallPicture({activity, soc, heading_deg: heading, mission_id: m
 function kept(key, half, draw) {
   if (pictures.has(key)) return pictures.get(key);
   if (pictures.size >= MOST_PICTURES) pictures.clear();
-  pictures.set(key, drawn(half, draw));
+  pictures.set(key, drawnPicture(half, draw));
   return pictures.get(key);
-}
-
-function drawn(half, draw) {
-  const canvas = document.createElement("canvas");
-  const size = 2 * half * devicePixelRatio;
-  Object.assign(canvas, {width: size, height: size});
-  const context = canvas.getContext("2d");
-  context.scale(devicePixelRatio, devicePixelRatio);
-  context.translate(half, half);
-  draw(context);
-  return canvas;
 }
 
 function drawWhole(context, {airframe, isFlying, turn, charge, colour, ring, packages, isOld}, paint) {
@@ -76,15 +67,13 @@ function drawWhole(context, {airframe, isFlying, turn, charge, colour, ring, pac
   if (isOld) context.globalAlpha = 0.45;
   context.save();
   context.scale(scale, scale);
-  circle(context, 0, 0, 16.5);
-  context.fillStyle = paint.halo;
-  context.fill();
+  circle(context, [0, 0], 16.5);
+  fill(context, paint.halo);
   drawRing(context, charge, ring, paint, isOld);
   context.rotate((turn * Math.PI) / 180);
   if (isFlying) drawNose(context, colour, paint);
-  circle(context, 0, 0, 12);
-  context.fillStyle = colour;
-  context.fill();
+  circle(context, [0, 0], 12);
+  fill(context, colour);
   if (airframe === "wings") drawWings(context, paint.halo);
   else drawRotors(context, airframe, paint.halo);
   context.restore();
@@ -93,45 +82,37 @@ function drawWhole(context, {airframe, isFlying, turn, charge, colour, ring, pac
 
 // The charge from the top, clockwise.
 function drawRing(context, charge, colour, paint, isOld) {
-  context.lineWidth = 2.6;
-  circle(context, 0, 0, 14.6);
-  context.strokeStyle = paint.rest;
+  circle(context, [0, 0], 14.6);
   if (isOld) context.setLineDash([2, 3]);
-  context.stroke();
+  stroke(context, paint.rest, 2.6);
   context.setLineDash([]);
   context.beginPath();
   context.arc(0, 0, 14.6, -Math.PI / 2, 2 * Math.PI * charge - Math.PI / 2);
-  context.strokeStyle = colour;
-  context.stroke();
+  stroke(context, colour, 2.6);
 }
 
 function drawRotors(context, count, colour) {
   const reach = count === 4 ? 6.2 : 7;
   const size = {4: 3, 6: 2.3, 8: 1.9}[count];
-  context.strokeStyle = colour;
-  context.fillStyle = colour;
   for (let number = 0; number < count; number += 1) {
     const angle = ((number + 0.5) * 2 * Math.PI) / count;
     const [x, y] = [Math.sin(angle) * reach, -Math.cos(angle) * reach];
-    context.lineWidth = 1.8;
     context.beginPath();
     context.moveTo(0, 0);
     context.lineTo(x, y);
-    context.stroke();
-    circle(context, x, y, size);
-    context.lineWidth = 1.5;
-    context.stroke();
+    stroke(context, colour, 1.8);
+    circle(context, [x, y], size);
+    stroke(context, colour, 1.5);
   }
   context.beginPath();
   context.roundRect(-2.4, -3.2, 4.8, 6.4, 2);
-  context.fill();
+  fill(context, colour);
 }
 
 function drawWings(context, colour) {
-  context.fillStyle = colour;
   path(context, [[0, -9], [1.8, -3], [10, 1.5], [10, 3.6], [1.6, 2.4], [1.2, 6.5], [4, 8.4], [4, 9.6], [0, 8.8],
     [-4, 9.6], [-4, 8.4], [-1.2, 6.5], [-1.6, 2.4], [-10, 3.6], [-10, 1.5], [-1.8, -3]]);
-  context.fill();
+  fill(context, colour);
 }
 
 // A beak on the ring, in the direction of flight.
@@ -141,19 +122,10 @@ function drawNose(context, colour, paint) {
 }
 
 function drawCount(context, packages, scale, paint) {
-  const [x, y] = [13 * scale, -13 * scale];
-  circle(context, x, y, 6.5);
+  const point = [13 * scale, -13 * scale];
+  circle(context, point, 6.5);
   paintShape(context, paint.text, paint.halo, 1.5);
-  context.fillStyle = paint.halo;
-  context.font = "700 9px system-ui, sans-serif";
-  context.textAlign = "center";
-  context.textBaseline = "middle";
-  context.fillText(packages > 9 ? "9+" : packages, x, y + 0.5);
-}
-
-function circle(context, x, y, radius) {
-  context.beginPath();
-  context.arc(x, y, radius, 0, 2 * Math.PI);
+  writeCentred(context, packages > 9 ? "9+" : packages, point, "700 9px", paint.halo);
 }
 
 function path(context, corners) {
@@ -163,9 +135,6 @@ function path(context, corners) {
 }
 
 function paintShape(context, colour, halo, width) {
-  context.fillStyle = colour;
-  context.fill();
-  context.strokeStyle = halo;
-  context.lineWidth = width;
-  context.stroke();
+  fill(context, colour);
+  stroke(context, halo, width);
 }

@@ -1,16 +1,18 @@
 // GeoJSON for the map's sources, from the network and from the live picture.
 
-const collection = (features) => ({type: "FeatureCollection", features});
-const feature = (geometry, properties = {}) => ({type: "Feature", geometry, properties});
-const line = (...coordinates) => ({type: "LineString", coordinates});
+import {collection, feature, line} from "./geojson.js";
 
 export const stationsOf = (network) =>
   network.features.filter(({properties}) => properties.kind === "station");
 
+// The places of stations by their ids.
+export const placesOf = (network) => Object.fromEntries(stationsOf(network)
+  .map(({geometry, properties}) => [properties.station_id, geometry.coordinates]));
+
 export function segmentLines(network) {
   return collection(network.features
     .filter(({properties}) => properties.kind === "segment")
-    .map(({geometry, properties}) => feature(geometry, {from: properties.from, to: properties.to})));
+    .map(({geometry, properties}) => line(geometry.coordinates, {from: properties.from, to: properties.to})));
 }
 
 // What is closed now, by station: true for the station, or the numbers of its pads.
@@ -38,21 +40,17 @@ function padState(pads, live, closed) {
 
 export function stationPoints(network, live, closures) {
   const closed = closedStations(closures);
-  return collection(stationsOf(network).map(({geometry, properties: {station_id: id, pads}}) => feature(geometry, {
+  return collection(stationsOf(network).map(({geometry: {coordinates}, properties: {station_id: id, pads}}) => feature("Point", coordinates, {
     station_id: id, pads: padState(pads, live[id], closed[id]), of: pads, taken: live[id]?.pads_taken ?? 0,
   })));
 }
 
 // Zones and ground stops with an area, and closed segments.
 export function closureShapes(network, closures) {
-  const places = Object.fromEntries(stationsOf(network)
-    .map(({geometry, properties}) => [properties.station_id, geometry.coordinates]));
+  const places = placesOf(network);
   return collection(Object.values(closures).flatMap(({rings, kind, station_id: from, to_station_id: to}) => {
-    if (rings) return [feature({type: "Polygon", coordinates: rings})];
-    if (kind === "SEGMENT" && places[from] && places[to]) {
-      return [feature(line(places[from], places[to]))];
-    }
-    return [];
+    if (rings) return [feature("Polygon", rings)];
+    return kind === "SEGMENT" && places[from] && places[to] ? [line([places[from], places[to]])] : [];
   }));
 }
 
@@ -61,7 +59,7 @@ export function alternativeLines(network, drone) {
   const landings = drone?.safe_landings ?? [];
   return collection(stationsOf(network)
     .filter(({properties}) => landings.includes(properties.station_id))
-    .map(({geometry}) => feature(line(drone.position, geometry.coordinates))));
+    .map(({geometry}) => line([drone.position, geometry.coordinates])));
 }
 
 // The flights of a plan: the one under way is flown up to where the drone is.
@@ -71,10 +69,10 @@ export function planLines(mission, drone) {
   const underWay = flights.findIndex(({status}) => status !== "ENDED");
   return collection(flights.flatMap(({status, from_position, position}, number) => {
     const isUnderWay = number === underWay && drone?.activity === "FLYING";
-    if (!isUnderWay) return [feature(line(from_position, position), {status})];
+    if (!isUnderWay) return [line([from_position, position], {status})];
     return [
-      feature(line(from_position, drone.position), {status: "ENDED"}),
-      feature(line(drone.position, position), {status: "PLANNED"}),
+      line([from_position, drone.position], {status: "ENDED"}),
+      line([drone.position, position], {status: "PLANNED"}),
     ];
   }));
 }

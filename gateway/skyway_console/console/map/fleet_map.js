@@ -12,8 +12,9 @@ import {DroneLayer} from "./drone_layer.js";
 import {
   alternativeLines, closureShapes, planLines, segmentLines, stationPoints, stationsOf, stopsAhead,
 } from "./features.js";
+import {collection, feature} from "./geojson.js";
 import {groundColour, mapStyle, segmentsOf} from "./layers.js";
-import {collectionNear, drawAround, near} from "./longitudes.js";
+import {collectionNear, cornersOf, drawAround, near} from "./longitudes.js";
 import {readOwnMap} from "./own_base_map.js";
 import {StationLayer} from "./station_layer.js";
 
@@ -122,7 +123,7 @@ export class FleetMap {
     this.put("segments", segmentLines(network));
     const places = stations.map(({geometry}) => near(geometry.coordinates));
     const padding = this.map.getContainer().clientWidth <= PHONE_PX ? 36 : 60;
-    if (places.length) this.map.fitBounds(around(places), {padding, duration: 0});
+    if (places.length) this.map.fitBounds(cornersOf(places), {padding, duration: 0});
   }
 
   showStations(stations, closures) {
@@ -139,11 +140,7 @@ export class FleetMap {
   }
 
   showDraft(ring) {
-    const features = ring.length < 3 ? [] : [{
-      type: "Feature", properties: {},
-      geometry: {type: "Polygon", coordinates: [[...ring, ring[0]]]},
-    }];
-    this.put("draft", {type: "FeatureCollection", features});
+    this.put("draft", collection(ring.length < 3 ? [] : [feature("Polygon", [[...ring, ring[0]]])]));
   }
 
   // What lies below the fleet comes after the fleet: the first picture does not wait for it.
@@ -193,11 +190,4 @@ export class FleetMap {
     this.showSegmentsOf(this.opened);
     this.stations.draw();
   }
-}
-
-function around(places) {
-  const longitudes = places.map(([longitude]) => longitude);
-  const latitudes = places.map(([, latitude]) => latitude);
-  return [[Math.min(...longitudes), Math.min(...latitudes)],
-    [Math.max(...longitudes), Math.max(...latitudes)]];
 }

@@ -2,8 +2,7 @@
 // could land instead, its plan. Names, stations and drones are drawn on canvases above.
 
 import {colours, isDark} from "./colours.js";
-
-export const NOTHING = {type: "FeatureCollection", features: []};
+import {collection} from "./geojson.js";
 
 const GROUND = ["land", "lakes", "counties", "rivers", "states", "countries", "people"];
 const FLEET = ["segments", "closures", "alternatives", "plan", "draft"];
@@ -12,7 +11,7 @@ const FLEET = ["segments", "closures", "alternatives", "plan", "draft"];
 const GROUND_ZOOM = 11;
 
 const source = (id) => [id, {
-  type: "geojson", data: NOTHING, ...(GROUND.includes(id) ? {maxzoom: GROUND_ZOOM} : {}),
+  type: "geojson", data: collection([]), ...(GROUND.includes(id) ? {maxzoom: GROUND_ZOOM} : {}),
 }];
 
 // The style of the map: an operator's own base map below the fleet, or the ground that comes with it.
@@ -27,7 +26,7 @@ export function mapStyle(ownMap, hasGround) {
   };
 }
 
-const line = (id, sourceId, of, more = {}) => ({
+export const lineLayer = (id, sourceId, of, more = {}) => ({
   id, type: "line", source: sourceId, paint: of, ...more,
   layout: {"line-cap": "round", "line-join": "round"},
 });
@@ -47,13 +46,13 @@ function groundLayers(hasGround) {
       "circle-color": paint.urban, "circle-blur": 0.7, "circle-opacity": 0.75,
       "circle-radius": byZoom(6, ["*", ["get", "km"], 0.94], 13, ["*", ["get", "km"], 121]),
     }},
-    line("counties", "counties", {"line-color": paint.state, "line-width": 1, "line-dasharray": [1, 3]},
+    lineLayer("counties", "counties", {"line-color": paint.state, "line-width": 1, "line-dasharray": [1, 3]},
       {minzoom: 7}),
-    line("states", "states", {"line-color": paint.state, "line-width": 1, "line-dasharray": [3, 2]}),
-    line("rivers", "rivers", {"line-color": paint.river,
+    lineLayer("states", "states", {"line-color": paint.state, "line-width": 1, "line-dasharray": [3, 2]}),
+    lineLayer("rivers", "rivers", {"line-color": paint.river,
       "line-width": ["interpolate", ["linear"], ["zoom"], 3, 0.4, 8, 1, 12, 2.5]}),
     fill("lakes", paint.water),
-    line("countries", "countries", {"line-color": paint.country, "line-width": 1.2}),
+    lineLayer("countries", "countries", {"line-color": paint.country, "line-width": 1.2}),
   ];
 }
 
@@ -65,21 +64,21 @@ function fleetLayers() {
   const paint = colours();
   const isStatus = (status) => ({filter: ["==", ["get", "status"], status]});
   return [
-    line("segments", "segments", {"line-color": paint.segment, "line-width": 1,
+    lineLayer("segments", "segments", {"line-color": paint.segment, "line-width": 1,
       "line-opacity": ["interpolate", ["linear"], ["zoom"], 7, 0.12, 10, 0.3]}),
-    line("segments-near", "segments", {"line-color": paint.planned, "line-width": 1.5,
+    lineLayer("segments-near", "segments", {"line-color": paint.planned, "line-width": 1.5,
       "line-opacity": 0.75}, {filter: segmentsOf(null)}),
     {id: "zones", type: "fill", source: "closures",
       paint: {"fill-color": paint.zone, "fill-opacity": 0.18}, filter: ["==", ["geometry-type"], "Polygon"]},
-    line("closed", "closures", {"line-color": paint.zone, "line-width": 2, "line-dasharray": [2, 2]}),
+    lineLayer("closed", "closures", {"line-color": paint.zone, "line-width": 2, "line-dasharray": [2, 2]}),
     {id: "draft", type: "fill", source: "draft",
       paint: {"fill-color": paint.selected, "fill-opacity": 0.3}},
-    line("draft-edge", "draft", {"line-color": paint.selected, "line-width": 2}),
-    line("alternatives", "alternatives",
+    lineLayer("draft-edge", "draft", {"line-color": paint.selected, "line-width": 2}),
+    lineLayer("alternatives", "alternatives",
       {"line-color": paint.segment, "line-width": 2, "line-dasharray": [1, 3]}),
-    line("way", "plan", {"line-color": paint.halo, "line-width": 7, "line-opacity": 0.7}),
-    line("flown", "plan", {"line-color": paint.flown, "line-width": 3.5}, isStatus("ENDED")),
-    line("to-come", "plan", {"line-color": paint.planned, "line-width": 3.5, "line-dasharray": [0.2, 1.8]},
+    lineLayer("way", "plan", {"line-color": paint.halo, "line-width": 7, "line-opacity": 0.7}),
+    lineLayer("flown", "plan", {"line-color": paint.flown, "line-width": 3.5}, isStatus("ENDED")),
+    lineLayer("to-come", "plan", {"line-color": paint.planned, "line-width": 3.5, "line-dasharray": [0.2, 1.8]},
       isStatus("PLANNED")),
   ];
 }

@@ -15,3 +15,7 @@ export const collectionNear = ({features, ...rest}) => ({...rest,
   features: features.map(({geometry, ...feature}) => (
     {...feature, geometry: {...geometry, coordinates: allNear(geometry.coordinates)}})),
 });
+
+// The corners in the southwest and the northeast of some places, [longitude, latitude] in degrees.
+export const cornersOf = (places) => [Math.min, Math.max].map((end) =>
+  [0, 1].map((axis) => end(...places.map((place) => place[axis]))));

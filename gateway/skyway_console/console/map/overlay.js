@@ -1,10 +1,11 @@
 // A source with layers of its own above a map, which stays when a change of the theme begins with an empty style.
 
+import {collection} from "./geojson.js";
 import {collectionNear} from "./longitudes.js";
 
 // `layers` answers layers in the colours of the theme. The answer is a function that draws other features.
 export function overlay(map, source, layers) {
-  let drawn = {type: "FeatureCollection", features: []};
+  let drawn = collection([]);
   const put = () => {
     if (!map.getSource(source)) {
       map.addSource(source, {type: "geojson", data: drawn});
@@ -14,7 +15,7 @@ export function overlay(map, source, layers) {
   };
   map.on("style.load", put);
   return (features) => {
-    drawn = collectionNear({type: "FeatureCollection", features});
+    drawn = collectionNear(collection(features));
     if (map.getSource(source)) put();
     return drawn;
   };

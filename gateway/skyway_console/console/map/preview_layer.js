@@ -4,15 +4,13 @@ import {effect} from "@preact/signals";
 
 import {hasMap, preview} from "../preview.js";
 import {colours} from "./colours.js";
+import {feature, line} from "./geojson.js";
 import {overlay} from "./overlay.js";
 
 const PADDING_PX = 80;
 
-const feature = (type, coordinates, properties = {}) => (
-  {type: "Feature", properties, geometry: {type, coordinates}});
-
 const shapes = ({lines, places}) => [
-  ...lines.map((line) => feature("LineString", line)),
+  ...lines.map((each) => line(each)),
   ...places.map(({position, kind}) => feature("Point", position, {kind})),
 ];
 

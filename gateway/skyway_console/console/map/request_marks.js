@@ -4,7 +4,8 @@
 import {Marker} from "maplibre-gl";
 
 import {colourInBothThemes} from "./colours.js";
-import {stationsOf} from "./features.js";
+import {placesOf} from "./features.js";
+import {collection, line} from "./geojson.js";
 
 function mark(text, colour) {
   const element = document.createElement("span");
@@ -21,8 +22,7 @@ export class RequestMarks {
   }
 
   show(network, {pickup, pickupPlace, packages}, offered) {
-    const places = Object.fromEntries(stationsOf(network)
-      .map(({geometry, properties}) => [properties.station_id, geometry.coordinates]));
+    const places = placesOf(network);
     const destinations = packages.filter(({station_id}) => places[station_id]);
     this.marks.forEach((each) => each.remove());
     this.marks = [
@@ -32,15 +32,11 @@ export class RequestMarks {
     ];
     this.marks.forEach((each) => each.addTo(this.fleetMap.map));
     const straight = destinations.map(({station_id}) => ({isChosen: false, ways: [[pickup, station_id]]}));
-    const features = wayLines(places, offered.length ? offered : straight);
-    this.fleetMap.put("plan", {type: "FeatureCollection", features});
+    this.fleetMap.put("plan", collection(wayLines(places, offered.length ? offered : straight)));
   }
 }
 
 // The chosen offer is drawn like what was flown, the others like what is planned.
 const wayLines = (places, offered) => offered.flatMap(({ways, isChosen}) => ways
   .filter((way) => way.length > 1 && way.every((stationId) => places[stationId]))
-  .map((way) => ({
-    type: "Feature", properties: {status: isChosen ? "ENDED" : "PLANNED"},
-    geometry: {type: "LineString", coordinates: way.map((stationId) => places[stationId])},
-  })));
+  .map((way) => line(way.map((stationId) => places[stationId]), {status: isChosen ? "ENDED" : "PLANNED"})));

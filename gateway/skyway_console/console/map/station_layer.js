@@ -1,7 +1,7 @@
 // Draws stations and all names that stand still on a canvas above the map. Names never overlap: first
 // the stops of the open plan, then stations by their pads, then places by their people.
 
-import {addCanvas, fitted, textWidth} from "./canvas.js";
+import {addCanvas, circle, drawPicture, fitted, stroke, textWidth} from "./canvas.js";
 import {colours} from "./colours.js";
 import {LabelSpace, boxesAround} from "./label_space.js";
 import {mercator, screenOf} from "./mercator.js";
@@ -100,18 +100,15 @@ export class StationLayer {
     this.drawStationNames(context, seen, radius, paint);
     const named = new Set(seen.map(({name}) => name));
     this.drawPlaces(context, {zoom, toScreen, isInside, named}, paint);
-    for (const {stationId, point: [x, y]} of seen) this.drawStation(context, stationId, [x, y], radius, paint);
+    for (const {stationId, point} of seen) this.drawStation(context, stationId, point, radius, paint);
   }
 
-  drawStation(context, stationId, [x, y], radius, paint) {
+  drawStation(context, stationId, point, radius, paint) {
     const look = this.looks.get(stationId) ?? {state: "free", pads: 1, taken: 0};
-    const size = 2 * STATION_HALF_PX;
-    context.drawImage(stationPicture(look, radius, paint), x - STATION_HALF_PX, y - STATION_HALF_PX, size, size);
+    drawPicture(context, stationPicture(look, radius, paint), point, STATION_HALF_PX);
     if (stationId !== this.marked) return;
-    context.beginPath();
-    context.arc(x, y, radius + 4, 0, 2 * Math.PI);
-    Object.assign(context, {strokeStyle: paint.selected, lineWidth: 2.5});
-    context.stroke();
+    circle(context, point, radius + 4);
+    stroke(context, paint.selected, 2.5);
   }
 
   drawStationNames(context, seen, radius, paint) {

@@ -1,5 +1,7 @@
 // Stations as they are drawn, each look once: a ring whose arc shows the free pads of all.
 
+import {circle, drawnPicture, fill, stroke, writeCentred} from "./canvas.js";
+
 // Half of a picture's width and height, in pixels.
 export const STATION_HALF_PX = 16;
 
@@ -16,32 +18,21 @@ export function stationPicture({state, pads, taken}, radius, paint) {
   return pictures.get(key);
 }
 
-function drawn(state, pads, taken, radius, paint) {
-  const canvas = document.createElement("canvas");
-  const size = 2 * STATION_HALF_PX * devicePixelRatio;
-  Object.assign(canvas, {width: size, height: size});
-  const context = canvas.getContext("2d");
-  context.scale(devicePixelRatio, devicePixelRatio);
-  context.translate(STATION_HALF_PX, STATION_HALF_PX);
+const drawn = (state, pads, taken, radius, paint) => drawnPicture(STATION_HALF_PX, (context) => {
   if (state === "parking") drawParking(context, radius, paint);
   else if (state === "closed") drawClosed(context, radius, paint);
   else drawPads(context, {state, pads, taken, radius}, paint);
-  return canvas;
-}
+});
 
 function disc(context, radius, colour) {
-  context.beginPath();
-  context.arc(0, 0, radius, 0, 2 * Math.PI);
-  context.fillStyle = colour;
-  context.fill();
+  circle(context, [0, 0], radius);
+  fill(context, colour);
 }
 
 function arc(context, radius, from, to, colour, width) {
   context.beginPath();
   context.arc(0, 0, radius, from - Math.PI / 2, to - Math.PI / 2);
-  context.strokeStyle = colour;
-  context.lineWidth = width;
-  context.stroke();
+  stroke(context, colour, width);
 }
 
 // Free pads are the coloured part of the ring, and at a near zoom their number.
@@ -60,25 +51,19 @@ function drawPads(context, {state, pads, taken, radius}, paint) {
     disc(context, Math.max(1, radius * 0.3), colour);
     return;
   }
-  context.fillStyle = state === "full" ? paint.full : paint.text;
-  context.font = "600 9px system-ui, sans-serif";
-  context.textAlign = "center";
-  context.textBaseline = "middle";
-  context.fillText(free, 0, 0.5);
+  writeCentred(context, free, [0, 0], "600 9px", state === "full" ? paint.full : paint.text);
 }
 
 function drawClosed(context, radius, paint) {
   disc(context, radius + 1.5, paint.halo);
   disc(context, radius, paint.closed);
   const end = radius * 0.42;
-  context.strokeStyle = paint.ring;
-  context.lineWidth = Math.max(1.5, radius * 0.22);
   context.beginPath();
   for (const side of [-1, 1]) {
     context.moveTo(-end * side, -end);
     context.lineTo(end * side, end);
   }
-  context.stroke();
+  stroke(context, paint.ring, Math.max(1.5, radius * 0.22));
 }
 
 // A station without pads: drones land and wait there, and cannot charge.
@@ -86,9 +71,6 @@ function drawParking(context, radius, paint) {
   const half = radius * 0.7;
   context.beginPath();
   context.roundRect(-half, -half, 2 * half, 2 * half, 2);
-  context.fillStyle = paint.ring;
-  context.fill();
-  context.strokeStyle = paint.closed;
-  context.lineWidth = 1.5;
-  context.stroke();
+  fill(context, paint.ring);
+  stroke(context, paint.closed, 1.5);
 }

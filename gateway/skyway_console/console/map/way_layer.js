@@ -4,7 +4,8 @@ import {Marker} from "maplibre-gl";
 
 import {inWords, stationName} from "../words.js";
 import {colours} from "./colours.js";
-import {drawAround, near} from "./longitudes.js";
+import {lineLayer} from "./layers.js";
+import {cornersOf, drawAround, near} from "./longitudes.js";
 import {overlay} from "./overlay.js";
 
 const PADDING = {top: 56, bottom: 36, left: 72, right: 72};
@@ -12,10 +13,7 @@ const FARTHEST_ZOOM = 13;
 
 function layers() {
   const paint = colours();
-  const line = (kind, of) => ({
-    id: `way-${kind}`, type: "line", paint: of, filter: ["==", ["get", "kind"], kind],
-    layout: {"line-cap": "round", "line-join": "round"},
-  });
+  const line = (kind, of) => lineLayer(`way-${kind}`, "way", of, {filter: ["==", ["get", "kind"], kind]});
   return [
     line("PLANNED", {"line-color": paint.planned, "line-width": 3, "line-dasharray": [1, 2]}),
     line("FLOWN", {"line-color": paint.planned, "line-width": 4}),
@@ -80,10 +78,8 @@ export class WayLayer {
 
   // The whole way is in the picture. It moves only when the way becomes another one.
   fit(features) {
-    const points = features.flatMap(({geometry: {type, coordinates}}) =>
-      (type === "Point" ? [coordinates] : coordinates)).map(near);
-    const [east, north] = [0, 1].map((axis) => points.map((point) => point[axis]));
-    const bounds = [[Math.min(...east), Math.min(...north)], [Math.max(...east), Math.max(...north)]];
+    const bounds = cornersOf(features.flatMap(({geometry: {type, coordinates}}) =>
+      (type === "Point" ? [coordinates] : coordinates)).map(near));
     if (this.bounds === String(bounds)) return;
     this.bounds = String(bounds);
     this.map.fitBounds(bounds, {padding: PADDING, maxZoom: FARTHEST_ZOOM, duration: 0});

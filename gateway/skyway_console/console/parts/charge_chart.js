@@ -1,12 +1,13 @@
 // A drone's charge over time: what it measured, and what its plan says.
 
 import uPlot from "uplot";
-import {useEffect, useRef, useState} from "preact/hooks";
+import {useEffect, useRef} from "preact/hooks";
 
 import {get, part} from "../api.js";
 import {fleetNow} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {colours} from "../map/colours.js";
+import {useRead} from "../use_read.js";
 import {clockTime, marginText, zoneName} from "../words.js";
 import {plannedCharge} from "./planned_charge.js";
 
@@ -53,31 +54,16 @@ function chartOptions() {
 
 export function ChargeChart({droneId, providerId, missionId}) {
   const element = useRef(null);
-  const [problem, setProblem] = useState("");
-  const [margin, setMargin] = useState("");
+  const chart = useRef(null);
+  const {answer, problem} = useRead(() => readCharges(providerId, droneId, missionId),
+    {changed: `${droneId} ${missionId}`, everyMs: AGAIN_MS});
   useEffect(() => {
-    let chart = null;
-    let isGone = false;
-    async function look() {
-      try {
-        const {charges, margins} = await readCharges(providerId, droneId, missionId);
-        if (isGone) return;
-        if (chart) chart.setData(charges);
-        else chart = new uPlot(chartOptions(), charges, element.current);
-        setMargin(marginText(margins));
-        setProblem("");
-      } catch (refusal) {
-        setProblem(refusal.message);
-      }
-    }
-    look();
-    const timer = setInterval(look, AGAIN_MS);
-    return () => {
-      isGone = true;
-      clearInterval(timer);
-      chart?.destroy();
-    };
-  }, [droneId, missionId]);
+    if (answer === null) return;
+    chart.current ??= new uPlot(chartOptions(), answer.charges, element.current);
+    chart.current.setData(answer.charges);
+  }, [answer]);
+  useEffect(() => () => chart.current?.destroy(), []);
+  const margin = marginText(answer?.margins);
   return html`
     <figure class="chart" aria-label="Charge over time">
       <div ref=${element}></div>

@@ -15,7 +15,7 @@ const delayed = ({delay}) => (delay ? `: ${delayText(delay)}` : "");
 
 const flownBy = ({mission_id: id, drone_id: drone}) => (drone ? droneName(drone) : `mission ${shortId(id)}`);
 
-export function affectedText({affected_missions: missions}) {
+function affectedText({affected_missions: missions}) {
   if (missions.length === 0) return html`<p>No mission needs another plan.</p>`;
   return html`
     <p>${missions.length === 1 ? "1 mission needs" : `${missions.length} missions need`} another plan:</p>
@@ -67,27 +67,21 @@ export function askToClose(title, path, order = {}, moments = CLOSURE_MOMENTS) {
   });
 }
 
-export function closurePath(closureId, closure) {
-  const id = part(closureId);
-  const {kind, station_id: station, pad, to_station_id: to} = closure;
-  switch (kind) {
-    case "STATION": return `/v1/stations/${part(station)}/closures/${id}`;
-    case "PAD": return `/v1/stations/${part(station)}/pads/${pad}/outages/${id}`;
-    case "SEGMENT": return `/v1/segments/${part(station)}/${part(to)}/closures/${id}`;
-    case "ZONE": return `/v1/zones/${id}`;
-    default: return `/v1/ground-stops/${id}`;
-  }
-}
+// By the kind of a closure: its name and its path.
+const KINDS = {
+  STATION: ({station_id: station}, id) =>
+    [`Station ${stationName(station)}`, `/v1/stations/${part(station)}/closures/${id}`],
+  PAD: ({station_id: station, pad}, id) =>
+    [`Pad ${pad} of ${stationName(station)}`, `/v1/stations/${part(station)}/pads/${pad}/outages/${id}`],
+  SEGMENT: ({station_id: station, to_station_id: to}, id) =>
+    [`Segment ${stationName(station)} – ${stationName(to)}`, `/v1/segments/${part(station)}/${part(to)}/closures/${id}`],
+  ZONE: (_, id) => ["Area", `/v1/zones/${id}`],
+  GROUND_STOP: (_, id) => ["Ground stop", `/v1/ground-stops/${id}`],
+};
 
-export function closureName({kind, station_id: station, pad, to_station_id: to}) {
-  switch (kind) {
-    case "STATION": return `Station ${stationName(station)}`;
-    case "PAD": return `Pad ${pad} of ${stationName(station)}`;
-    case "SEGMENT": return `Segment ${stationName(station)} – ${stationName(to)}`;
-    case "ZONE": return "Area";
-    default: return "Ground stop";
-  }
-}
+const closurePath = (closureId, closure) => KINDS[closure.kind](closure, part(closureId))[1];
+
+export const closureName = (closure) => KINDS[closure.kind](closure)[0];
 
 const OPENED = "New plans may use it again, and what waits for it is planned again. Missions that have "
   + "a plan keep it.";

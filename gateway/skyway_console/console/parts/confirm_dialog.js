@@ -2,11 +2,13 @@
 // What cannot be shown cannot be confirmed.
 
 import {signal} from "@preact/signals";
-import {useEffect, useRef, useState} from "preact/hooks";
+import {useEffect, useState} from "preact/hooks";
 
 import {html} from "../html.js";
 import {forgetPreview, isPreviewed} from "../preview.js";
 import {attempt, say} from "./messages.js";
+import {useModal} from "./panel.js";
+import {useBusy} from "./use_busy.js";
 
 const MOMENTS = {from_at: "From, fleet time (optional)", until: "Until, fleet time (optional)"};
 
@@ -70,21 +72,16 @@ async function perform(action, done, undo) {
 const nothingElse = async () => "";
 
 function Dialog({title, meaning, preview = nothingElse, action, verb, done, undo, reason = "required", moments: names = []}) {
-  const element = useRef(null);
+  const element = useModal();
   const [moments, setMoments] = useState({});
-  const [isBusy, setBusy] = useState(false);
+  const [isBusy, busy] = useBusy();
   const {consequences, isRefused} = useConsequences(preview, moments);
-  useEffect(() => {
-    element.current.showModal();
-    return forgetPreview;
-  }, []);
+  useEffect(() => forgetPreview, []);
 
   async function act(event) {
     event.preventDefault();
-    setBusy(true);
     const given = new FormData(event.target).get("reason")?.trim();
-    if (await perform(() => action(given, moments), done, undo)) asked.value = null;
-    setBusy(false);
+    if (await busy(() => perform(() => action(given, moments), done, undo))) asked.value = null;
   }
 
   return html`

@@ -1,9 +1,8 @@
 // What people ordered for a delivery and its missions, from the audit log; only for operators.
 
-import {useEffect, useState} from "preact/hooks";
-
 import {get} from "../api.js";
 import {html} from "../html.js";
+import {useRead} from "../use_read.js";
 import {momentText} from "../words.js";
 import {Fold} from "./fold.js";
 
@@ -20,13 +19,9 @@ function reasonOf(body) {
 
 // `path` is that of the delivery; `changed` is anything that changes when there may be more.
 export function DeliveryAudit({path, missions, changed}) {
-  const [entries, setEntries] = useState([]);
-  const missionPaths = missions.map(({mission_id}) => `/v1/missions/${mission_id}`);
-  const paths = [path, ...missionPaths];
-  useEffect(() => {
-    Promise.all(paths.map(read)).then((pages) => setEntries(
-      pages.flatMap(({items}) => items).sort((one, other) => one.at.localeCompare(other.at))), () => null);
-  }, [paths.join(" "), changed]);
+  const paths = [path, ...missions.map(({mission_id}) => `/v1/missions/${mission_id}`)];
+  const {answer} = useRead(() => Promise.all(paths.map(read)), {changed: `${paths} ${changed}`});
+  const entries = (answer ?? []).flatMap(({items}) => items).sort((one, other) => one.at.localeCompare(other.at));
   return html`
     <${Fold} title="Who ordered what">
     ${entries.length === 0 && html`<p>Operators and providers have ordered nothing.</p>`}

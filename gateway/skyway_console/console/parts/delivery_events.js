@@ -2,6 +2,7 @@
 
 import {useEffect, useState} from "preact/hooks";
 
+import {followStream} from "../follow_stream.js";
 import {html} from "../html.js";
 import {durationText, inWords, momentText} from "../words.js";
 
@@ -16,36 +17,20 @@ export const TYPES = [
   ...["delivered", "returned", "stranded", "cancelled"].map((name) => `package.${name}`),
 ];
 
-const AGAIN_MS = 2_000;
-
 // A stream that is opened again begins with the first event.
 const withEvent = (before, event) =>
   before.some(({event_id: id}) => id === event.event_id) ? before : [...before, event];
 
 // Calls `take` with each event up to the last one; the answer is a function that ends this.
-function followEvents(url, take) {
-  let stream = null;
-  let again = null;
-  function open() {
-    stream = new EventSource(url);
-    for (const type of TYPES) {
-      stream.addEventListener(type, ({data}) => {
-        take(JSON.parse(data));
-        // After its last event the stream ends; the browser would ask for it again and again.
-        if (LAST.includes(type)) stream.close();
-      });
-    }
-    stream.addEventListener("error", () => {
-      // The browser connects again by itself, except after a refusal.
-      if (stream.readyState === EventSource.CLOSED) again = setTimeout(open, AGAIN_MS);
+const followEvents = (url, take) => followStream(url, (stream) => {
+  for (const type of TYPES) {
+    stream.addEventListener(type, ({data}) => {
+      take(JSON.parse(data));
+      // After its last event the stream ends; the browser would ask for it again and again.
+      if (LAST.includes(type)) stream.close();
     });
   }
-  open();
-  return () => {
-    clearTimeout(again);
-    stream.close();
-  };
-}
+});
 
 // The events so far; `onProofAwaited` is called when a drone waits for a proof.
 export function useDeliveryEvents(path, onProofAwaited) {

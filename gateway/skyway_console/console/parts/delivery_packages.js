@@ -3,6 +3,7 @@
 import {html} from "../html.js";
 import {StateText} from "../state_words.js";
 import {durationText, inWords, momentText, stationName} from "../words.js";
+import {BareTable} from "./table.js";
 
 const LATE_MS = 60_000;
 
@@ -24,29 +25,22 @@ const Recipient = ({recipient}) => recipient && html`
 
 const reasonOf = ({code, detail}) => [code && inWords(code), detail].filter(Boolean).join(" ");
 
-const Package = ({each, recipient, hasReasons}) => html`
-  <tr class=${isLate(each) ? "late" : ""}>
-    <th scope="row">${each.package_id}${each.mass_kg && html` <small>${each.mass_kg} kg</small>`}</th>
-    <td data-label="To">${each.destination?.station_id ? stationName(each.destination.station_id) : ""}
-      <${Recipient} recipient=${each.recipient ?? recipient} /></td>
-    <td data-label="State"><${StateText} kind="package" of=${each.state} /></td>
-    <td data-label="Promised">${orNothing(each.due_at)}</td>
-    <td data-label="Expected" class="eta">${each.delivered_at
-      ? `handed over ${momentText(each.delivered_at)}` : orNothing(each.eta_at)}
-      <br /><small>${againstPromise(each)}</small></td>
-    ${hasReasons && html`<td data-label="Why">${reasonOf(each)}</td>`}
-  </tr>`;
+const COLUMNS = [
+  ["Package", (each) => html`${each.package_id}${each.mass_kg && html` <small>${each.mass_kg} kg</small>`}`, "head"],
+  ["To", ({destination, recipient}) => html`${destination?.station_id ? stationName(destination.station_id) : ""}
+    <${Recipient} recipient=${recipient} />`],
+  ["State", ({state}) => html`<${StateText} kind="package" of=${state} />`],
+  ["Promised", ({due_at: due}) => orNothing(due)],
+  ["Expected", (each) => html`${each.delivered_at
+    ? `handed over ${momentText(each.delivered_at)}` : orNothing(each.eta_at)}
+    <br /><small>${againstPromise(each)}</small>`, "eta"],
+];
 
 // `recipient` takes the packages that have none of their own.
 export function DeliveryPackages({packages, recipient}) {
   const hasReasons = packages.some(reasonOf);
   return html`
-    <table class="as-cards" aria-label="Packages">
-      <thead><tr><th>Package</th><th>To</th><th>State</th><th>Promised</th><th>Expected</th>
-        ${hasReasons && html`<th>Why</th>`}</tr></thead>
-      <tbody>
-        ${packages.map((each) => html`
-          <${Package} key=${each.package_id} each=${each} recipient=${recipient} hasReasons=${hasReasons} />`)}
-      </tbody>
-    </table>`;
+    <${BareTable} label="Packages" items=${packages.map((each) => ({...each, recipient: each.recipient ?? recipient}))}
+      columns=${hasReasons ? [...COLUMNS, ["Why", reasonOf]] : COLUMNS}
+      row=${(each) => ({key: each.package_id, class: isLate(each) ? "late" : ""})} />`;
 }

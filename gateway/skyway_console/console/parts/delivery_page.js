@@ -1,15 +1,14 @@
 // The story of one delivery: its way on the map, what is next, planned against real with the reasons, packages,
 // price, proof, and what happened.
 
-import {useEffect, useState} from "preact/hooks";
-
 import {get, post} from "../api.js";
 import {ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
-import {DeliveryStateText} from "../state_words.js";
+import {DeliveryStateText, isOver} from "../state_words.js";
+import {useRead, useReadPath} from "../use_read.js";
 import {distanceText, inWords, momentText, shortId, stationName, wordsOfId} from "../words.js";
 import {confirm} from "./confirm_dialog.js";
 import {DeliveryAudit} from "./delivery_audit.js";
@@ -25,17 +24,10 @@ import {HandOverProofs} from "./hand_over_proofs.js";
 import {TrackingBox} from "./tracking_box.js";
 
 function useDelivery(path, deliveryId) {
-  const [delivery, setDelivery] = useState(null);
-  const [proof, setProof] = useState(null);
-  const [problem, setProblem] = useState("");
   // The live picture says when the delivery has changed.
-  const live = picture.deliveries.value[deliveryId];
-  const read = () => void get(path).then(setDelivery, (refusal) => setProblem(refusal.message));
-  useEffect(read, [path, live]);
+  const {answer: delivery, problem, again: read} = useReadPath(path, {changed: picture.deliveries.value[deliveryId]});
   const handedOver = delivery?.packages.filter(({delivered_at}) => delivered_at).length ?? 0;
-  useEffect(() => {
-    if (handedOver > 0) get(`${path}/proof`).then(setProof, () => null);
-  }, [path, handedOver]);
+  const {answer: proof} = useRead(async () => handedOver > 0 && get(`${path}/proof`), {key: path, changed: handedOver});
   return {delivery, proof, problem, read};
 }
 
@@ -61,8 +53,6 @@ const askToCancel = (path, deliveryId) => confirm({
   done: "The delivery is being cancelled.",
 });
 
-const OVER = ["COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"];
-
 // The station where the packages are handed over to the drone. It may be another one than was asked for.
 function pickupText({station_id: stationId}, {pickup: asked}) {
   if (!stationId) return null;
@@ -75,7 +65,7 @@ function pickupText({station_id: stationId}, {pickup: asked}) {
 function sharedText({qos}, missions, state) {
   if (missions.some((each) => each.is_pooled)) return "yes, at the lower price";
   if (!qos?.pooling) return null;
-  return OVER.includes(state) ? "no" : "possible until the drone is loaded";
+  return isOver(state) ? "no" : "possible until the drone is loaded";
 }
 
 const whyText = (code, detail) => code && `${inWords(code)}${detail ? `: ${detail}` : ""}`;
@@ -89,7 +79,7 @@ function wayText({pickup}, packages) {
 // What matters now, in a sentence: the next hand-over, or how it has ended.
 function headline({state, code, detail}, packages) {
   const areHandedOver = packages.length > 0 && packages.every(({delivered_at: at}) => at);
-  if (OVER.includes(state) || areHandedOver) {
+  if (isOver(state) || areHandedOver) {
     const last = packages.filter(({delivered_at: at}) => at)
       .sort((one, other) => one.delivered_at.localeCompare(other.delivered_at)).at(-1);
     if (!last) return whyText(code, detail);
@@ -111,11 +101,11 @@ function Head({deliveryId, delivery, packages, onCancel}) {
     <p><a href=${pathTo("deliveries")}>All deliveries</a></p>
     <header class="story-head">
       <h1>${reference || `Delivery ${shortId(deliveryId)}`}</h1>
-      <p><span class="tag ${isLateNow ? "WARNING" : OVER.includes(state) ? "" : "MOVING"}"><${
+      <p><span class="tag ${isLateNow ? "WARNING" : isOver(state) ? "" : "MOVING"}"><${
         DeliveryStateText} state=${state} activity=${activity} /></span>
         ${" "}for ${wordsOfId(customer)}, ${wayText(delivery, packages)}, requested ${momentText(delivery.created_at)}</p>
       <p class="headline">${headline(delivery, packages)}</p>
-      ${!OVER.includes(state) && html`<button onClick=${onCancel}>Cancel the delivery</button>`}
+      ${!isOver(state) && html`<button onClick=${onCancel}>Cancel the delivery</button>`}
     </header>`;
 }
 
@@ -141,14 +131,13 @@ export function DeliveryPage({deliveryId, path: part}) {
   const packages = read.packages.map((each) => ({...each, ...live?.packages?.[each.package_id]}));
   const delivery = {...read, ...live, packages};
   const missions = read.missions ?? NO_MISSIONS;
-  const isOver = OVER.includes(delivery.state);
-  return html`
+    return html`
     <div class="page story">
       <${Head} deliveryId=${deliveryId} delivery=${delivery} packages=${packages}
         onCancel=${() => askToCancel(path, deliveryId)} />
       <div class="story-columns">
         <div>
-          <${DeliveryWay} path=${path} isOver=${isOver} />
+          <${DeliveryWay} path=${path} isOver=${isOver(delivery.state)} />
           <${Fold} title="Packages" isFirst><${DeliveryPackages} packages=${packages} recipient=${read.recipient} /></${Fold}>
           <${HandOverProofs} packages=${packages} path=${path} onGiven=${readAgain} />
           <${Proof} proof=${proof} />

@@ -1,9 +1,8 @@
 // What a delivery costs: the lines of its price, and what the ledger has charged for it.
 
-import {useEffect, useState} from "preact/hooks";
-
 import {all, part} from "../api.js";
 import {html} from "../html.js";
+import {useRead} from "../use_read.js";
 import {inWords, money, momentText} from "../words.js";
 
 const Lines = ({label, lines, currency}) => html`
@@ -20,10 +19,8 @@ const Lines = ({label, lines, currency}) => html`
 
 // `changed` is anything that changes when more may have been charged.
 export function DeliveryPrice({deliveryId, price, changed}) {
-  const [charged, setCharged] = useState([]);
-  useEffect(() => {
-    all(`/v1/statements/lines?delivery_id=${part(deliveryId)}`).then(setCharged, () => null);
-  }, [deliveryId, changed]);
+  const read = () => all(`/v1/statements/lines?delivery_id=${part(deliveryId)}`);
+  const charged = useRead(read, {key: deliveryId, changed}).answer ?? [];
   if (!price && charged.length === 0) return html`<p>The price is known when a plan is found.</p>`;
   const agreed = price && (price.line_items ?? [{kind: "PRICE", amount: price.amount}]);
   return html`

@@ -1,13 +1,12 @@
 // What a delivery's drones do, step by step: planned against real, and why there were new plans.
 
-import {useEffect, useState} from "preact/hooks";
-
 import {droneName} from "../drone_names.js";
 import {fleetNow, ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {guestsOf, picture} from "../live.js";
 import {pathTo} from "../routes.js";
 import {session} from "../session.js";
+import {useRead} from "../use_read.js";
 import {clockTime, distanceText, durationText, inWords, percent, shortId} from "../words.js";
 import {endText, stepName} from "./step_list.js";
 import {readStory, withEvents} from "./story_steps.js";
@@ -92,14 +91,9 @@ function Mission({story, events}) {
 
 // `events` are those of the delivery so far. The missions are read again when one changes or a step ends.
 export function DeliveryTimeline({missions, events}) {
-  const [stories, setStories] = useState([]);
   const ended = missions.map(({mission_id: id}) => Object.values(picture.missions.value[id]?.steps ?? {})
     .filter(({status}) => status === "ENDED").length);
-  useEffect(() => {
-    let isOld = false;
-    readStory(missions).then((read) => isOld || setStories(read), () => null);
-    return () => (isOld = true);
-  }, [missions, ended.join()]);
+  const stories = useRead(() => readStory(missions), {changed: JSON.stringify([missions, ended])}).answer ?? [];
   return html`
     ${missions.length === 0 && html`<p>It has no plan yet. The plan stands here when a drone is booked.</p>`}
     ${missions.length > 0 && html`<p class="hint">A planned time is when a step ends.</p>`}

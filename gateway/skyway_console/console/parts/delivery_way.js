@@ -1,66 +1,52 @@
 // The way of a delivery on a map, with the drones that fly it now.
 
 import {effect} from "@preact/signals";
-import {useEffect, useRef, useState} from "preact/hooks";
+import {useEffect, useRef} from "preact/hooks";
 
-import {get} from "../api.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
-import {FleetMap} from "../map/fleet_map.js";
+import {useFleetMap} from "../map/use_fleet_map.js";
 import {WayLayer} from "../map/way_layer.js";
 import {openView} from "../routes.js";
+import {useReadPath} from "../use_read.js";
 
 const AGAIN_MS = 5_000;
-
-// The track, again and again while the delivery goes on.
-function useTrack(path, isOver) {
-  const [track, setTrack] = useState(null);
-  useEffect(() => {
-    const look = () => get(`${path}/track`).then(setTrack, () => null);
-    look();
-    if (isOver) return undefined;
-    const timer = setInterval(look, AGAIN_MS);
-    return () => clearInterval(timer);
-  }, [path, isOver]);
-  return track;
-}
 
 const dronesOf = (track) => new Set(track.features
   .filter(({properties}) => properties.kind === "DRONE").map(({properties}) => properties.drone_id));
 
-function useWayMap(container, track) {
-  const shown = useRef(null);
-  useEffect(() => {
-    const made = new FleetMap(container.current, ({droneId}) => droneId && openView("map", "drone", droneId));
+const openDrone = ({droneId}) => droneId && openView("map", "drone", droneId);
+
+function useWayMap(track) {
+  const way = useRef(null);
+  const {map, element} = useFleetMap({onClick: openDrone, begin: (made) => {
     // A page that scrolls keeps scrolling over the map: two fingers or Ctrl move the map.
     made.map.cooperativeGestures.enable();
-    shown.current = {made, way: new WayLayer(made)};
-    container.current.fleetMap = made;
-    return () => made.remove();
-  }, []);
+    way.current = new WayLayer(made);
+    return [];
+  }});
   useEffect(() => {
     if (track === null) return undefined;
-    const {made, way} = shown.current;
     let isGone = false;
-    made.isReady.then(() => isGone || way.show(track));
+    map.current.isReady.then(() => isGone || way.current.show(track));
     const ids = dronesOf(track);
-    const stop = effect(() => made.drones.show(Object.fromEntries(
+    const stop = effect(() => map.current.drones.show(Object.fromEntries(
       Object.entries(picture.drones.value).filter(([id]) => ids.has(id)))));
     return () => {
       isGone = true;
       stop();
     };
   }, [track]);
+  return element("Map of the delivery's way");
 }
 
 export function DeliveryWay({path, isOver}) {
-  const container = useRef(null);
-  const track = useTrack(path, isOver);
-  useWayMap(container, track);
+  const {answer: track} = useReadPath(`${path}/track`, {changed: isOver, everyMs: isOver ? null : AGAIN_MS});
+  const map = useWayMap(track);
   const hasWay = track?.features.length > 0;
   return html`
     <div class="way-frame">
-      <div class="map" ref=${container} role="application" aria-label="Map of the delivery's way"></div>
+      ${map}
       ${track && !hasWay && html`<p class="way-hint">The way stands here when a plan is found.</p>`}
     </div>`;
 }

@@ -1,9 +1,8 @@
 // Which webhooks were notified of a delivery's events, and whether they answered.
 
-import {useEffect, useState} from "preact/hooks";
-
 import {all, get, part} from "../api.js";
 import {html} from "../html.js";
+import {useRead} from "../use_read.js";
 import {dayText, inWords} from "../words.js";
 
 // So many of the last attempts of each webhook are looked through.
@@ -18,13 +17,10 @@ async function readAttempts() {
 
 // It asks when it is opened, because there may be many attempts.
 export function DeliveryWebhooks({events}) {
-  const [attempts, setAttempts] = useState(null);
-  useEffect(() => {
-    readAttempts().then(setAttempts, () => setAttempts([]));
-  }, [events.length]);
+  const {answer, problem} = useRead(readAttempts, {changed: events.length});
   const ids = new Set(events.map(({event_id: id}) => id));
-  const own = (attempts ?? []).filter(({event_id: id}) => ids.has(id));
-  if (attempts === null) return html`<p>Reading…</p>`;
+  const own = (answer ?? []).filter(({event_id: id}) => ids.has(id));
+  if (!answer && !problem) return html`<p>Reading…</p>`;
   if (own.length === 0) return html`<p>No webhook was notified lately. Keys shows how to add one.</p>`;
   return html`
     <ul class="timeline" aria-label="Webhooks">

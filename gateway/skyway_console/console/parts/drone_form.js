@@ -1,44 +1,26 @@
 // The form that registers a drone; the answer holds the token with which it enrols.
 
-import {useEffect, useState} from "preact/hooks";
-
 import {all} from "../api.js";
 import {html} from "../html.js";
-import {stationsOf} from "../map/features.js";
-import {listNetworks, networkContent} from "../networks.js";
+import {allStationIds} from "../networks.js";
+import {useRead} from "../use_read.js";
 import {modelName, stationName} from "../words.js";
+import {given, sending} from "./sent_form.js";
 
 async function readChoices(providerId) {
-  const [models, networks] = await Promise.all([all("/v1/drone-models"), listNetworks()]);
-  const contents = await Promise.all(networks.map(({network_id}) => networkContent(network_id)));
-  const stations = contents.flatMap(stationsOf).map(({properties}) => properties.station_id).sort();
+  const [models, stations] = await Promise.all([all("/v1/drone-models"), allStationIds()]);
   const usable = models.filter(({provider_id}) => [null, providerId].includes(provider_id));
   return {models: usable.map(({model_id}) => model_id), stations};
 }
 
-function droneOf(form) {
-  const values = new FormData(form);
-  const text = (name) => values.get(name).trim();
-  return {
-    model_id: text("model"),
-    home_station_id: text("home"),
-    ...(text("name") ? {name: text("name")} : {}),
-    ...(text("registration") ? {registration: text("registration")} : {}),
-  };
-}
+const droneOf = ({model, home, name, registration}) =>
+  given({model_id: model, home_station_id: home, name, registration});
 
 export function DroneForm({providerId, onRegister}) {
-  const [choices, setChoices] = useState({models: [], stations: []});
-  useEffect(() => {
-    readChoices(providerId).then(setChoices, () => null);
-  }, [providerId]);
-  async function register(event) {
-    event.preventDefault();
-    const form = event.target;
-    if (await onRegister(droneOf(form))) form.reset();
-  }
+  const {answer} = useRead(() => readChoices(providerId), {key: providerId});
+  const choices = answer ?? {models: [], stations: []};
   return html`
-    <form class="fields" aria-label="New drone" onSubmit=${register}>
+    <form class="fields" aria-label="New drone" onSubmit=${sending(droneOf, onRegister)}>
       <label>Model<select name="model" required>
         ${choices.models.map((each) => html`<option value=${each}>${modelName(each)}</option>`)}
       </select></label>

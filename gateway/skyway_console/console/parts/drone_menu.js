@@ -1,7 +1,5 @@
 // What a provider can do with a drone, each with a sentence that says what happens then.
 
-import {useEffect, useRef} from "preact/hooks";
-
 import {part, post} from "../api.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
@@ -9,6 +7,7 @@ import {pathTo} from "../routes.js";
 import {percent} from "../words.js";
 import {droneQuestions} from "./drone_questions.js";
 import {attempt} from "./messages.js";
+import {useModal} from "./panel.js";
 
 // What its flights have shown about a drone, against its model.
 const learnedText = ({planned, flights}) =>
@@ -47,8 +46,7 @@ function Choices({drone, name, onChosen, onChange, onToken}) {
 
 // `onClose` is called when the menu is closed, and `onChange` after something was done.
 export function DroneMenu({drone, onClose, onChange, onToken}) {
-  const element = useRef(null);
-  useEffect(() => element.current.showModal(), []);
+  const element = useModal();
   const name = droneName(drone.drone_id, drone.name);
   const close = () => element.current.close();
   const closeOutside = ({target}) => target === element.current && close();

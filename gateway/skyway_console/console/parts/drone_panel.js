@@ -9,10 +9,10 @@ import {kilometres} from "../map/mercator.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
 import {StateText} from "../state_words.js";
-import {clockTime, distanceText, inWords, momentText, percent, shortId, stationName} from "../words.js";
+import {clockTime, distanceText, faultName, inWords, momentText, percent, shortId, stationName} from "../words.js";
 import {ChargeChart} from "./charge_chart.js";
 import {Facts} from "./facts.js";
-import {attempt} from "./messages.js";
+import {copy} from "./messages.js";
 import {MissionCommands} from "./mission_commands.js";
 import {Panel} from "./panel.js";
 import {StepList} from "./step_list.js";
@@ -47,7 +47,7 @@ function droneFacts(drone, mission) {
     ["Planned speed", kmh && `${kmh} km/h`],
     ["Could land", drone.safe_landings?.length > 0 && drone.safe_landings.map(stationName).join(", ")],
     ["Must land", drone.must_land_at && distanceText(drone.must_land_at)],
-    ["Faults", drone.faults?.length > 0 && drone.faults.map(faultText).join(", ")],
+    ["Faults", drone.faults?.length > 0 && drone.faults.map(faultName).join(", ")],
     ["Mission", mission && html`<${StateText} kind="mission" of=${mission.state} />${mission.is_held ? ", held" : ""}`],
     ["In doubt", mission?.doubt && inWords(mission.doubt)],
     ["Trouble", mission?.trouble && inWords(mission.trouble)],
@@ -73,10 +73,6 @@ function deliveryText({delivery_id: deliveryId, steps}) {
   return stations.size
     ? `the delivery to ${[...stations].map(stationName).join(", ")}` : `delivery ${shortId(deliveryId)}`;
 }
-
-const copyId = (droneId) => attempt(() => navigator.clipboard.writeText(droneId), "The id is copied.");
-
-const faultText = (fault) => (typeof fault === "string" ? inWords(fault) : inWords(fault.code));
 
 export function DronePanel({droneId, onClose}) {
   ticks.value; // read so that "in 5 min" is right each second
@@ -104,6 +100,6 @@ export function DronePanel({droneId, onClose}) {
           <${StepList} mission=${each} />
         </section>`)}
       <p class="panel-id"><code>${droneId}</code>
-        ${" "}<button class="small" onClick=${() => copyId(droneId)}>Copy id</button></p>
+        ${" "}<button class="small" onClick=${() => copy(droneId, "The id is copied.")}>Copy id</button></p>
     </${Panel}>`;
 }

@@ -1,14 +1,16 @@
 // What providers earned in a month by day, drone or route.
 
-import {useEffect, useState} from "preact/hooks";
+import {useState} from "preact/hooks";
 
 import {all, part, saveCsv} from "../api.js";
 import {WORDS} from "../desk_words.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {pathTo} from "../routes.js";
+import {useRead} from "../use_read.js";
 import {money, stationName} from "../words.js";
 import {attempt} from "./messages.js";
+import {Table} from "./table.js";
 
 const TEXTS = WORDS.earned;
 const stationText = (id) => (id ? stationName(id) : TEXTS.archived);
@@ -21,26 +23,17 @@ const NAMES = {
 
 export function Earned({month}) {
   const [by, setBy] = useState("day");
-  const [found, setFound] = useState(null);
   const path = `/v1/statements/earnings?by=${by}&month=${part(month)}`;
-  useEffect(() => {
-    let isOld = false;
-    attempt(async () => {
-      const items = await all(path);
-      if (!isOld) setFound({by, items});
-    });
-    return () => (isOld = true);
-  }, [path]);
+  const {answer: found, problem} = useRead(async () => ({by, items: await all(path)}), {changed: path});
   return html`
     <div class="fields"><label>${TEXTS.by}<select value=${by} onChange=${({target}) => setBy(target.value)}>
       ${Object.keys(NAMES).map((each) => html`<option value=${each}>${TEXTS[each]}</option>`)}
     </select></label></div>
     <div class="commands"><button onClick=${() => attempt(() => saveCsv(`${path}&limit=200`, `earnings-${by}-${month}.csv`))}>
       ${TEXTS.csv}</button></div>
-    ${found && html`<div class="table"><table class="as-cards" aria-label=${TEXTS.by}>
-      <thead><tr><th>${TEXTS[found.by]}</th><th>${TEXTS.counted}</th><th>${TEXTS.amount}</th></tr></thead>
-      <tbody>${found.items.map((each) => html`
-        <tr><td class="title">${NAMES[found.by](each)}</td><td class="number" data-label=${TEXTS.counted}>${each.deliveries}</td>
-          <td class="number" data-label=${TEXTS.amount}>${money(each)}</td></tr>`)}</tbody>
-    </table></div>`}`;
+    ${problem && html`<p class="refused" role="alert">${problem}</p>`}
+    ${found && html`<${Table} label=${TEXTS.by} items=${found.items} columns=${[
+      [TEXTS[found.by], NAMES[found.by], "title"],
+      [TEXTS.counted, ({deliveries}) => deliveries, "number"], [TEXTS.amount, money, "number"],
+    ]} />`}`;
 }

@@ -1,7 +1,6 @@
 // What to do next, while the system has no network, no drone or no delivery; operators can have it done.
 
 import {signal} from "@preact/signals";
-import {useEffect, useState} from "preact/hooks";
 
 import {call, get, post} from "../api.js";
 import {html} from "../html.js";
@@ -9,33 +8,30 @@ import {connection, picture} from "../live.js";
 import {networks} from "../networks.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
+import {useRead, useReadPath} from "../use_read.js";
 import {attempt} from "./messages.js";
 import {Panel} from "./panel.js";
+import {useBusy} from "./use_busy.js";
 
 const publish = async () =>
   call("PUT", "/v1/networks/texas-corridor", await get("/console/bundled-network.json"));
 
 function Begin({text, verb, done, action}) {
-  const [isBusy, setBusy] = useState(false);
-  async function act() {
-    setBusy(true);
-    await attempt(action, done);
-    setBusy(false);
-  }
-  return html`<p>${text}</p><button class="main" disabled=${isBusy} onClick=${act}>${verb}</button>`;
+  const [isBusy, busy] = useBusy();
+  return html`
+    <p>${text}</p>
+    <button class="main" disabled=${isBusy} onClick=${() => busy(() => attempt(action, done))}>${verb}</button>`;
 }
 
 function SmallWorld() {
-  const [world, setWorld] = useState("UNAVAILABLE");
-  useEffect(() => {
-    get("/v1/system").then(({small_world: state}) => setWorld(state), () => null);
-  }, []);
+  const {answer, again} = useReadPath("/v1/system");
+  const world = answer?.small_world;
   return html`
     ${world === "AVAILABLE" && html`<${Begin} verb="Start a small world"
       text="See everything move: three simulated fleets in Texas, four shops that order every few seconds, and
         something that happens every few minutes: a closure, a late drone, a gust."
       done="The small world starts. Its drones appear in a moment."
-      action=${() => post("/v1/small-world").then(() => setWorld("REQUESTED"))} />`}
+      action=${() => post("/v1/small-world").then(again)} />`}
     ${world === "REQUESTED" && html`<p role="status">The small world starts…</p>`}`;
 }
 
@@ -77,16 +73,9 @@ const STEPS = {
     operator: OperatorsDeliveries, customer: CustomersDeliveries},
 };
 
-// Whether there was ever a delivery; null while that is not known.
-function useAnyDelivery(isAsked) {
-  const [isAny, setAny] = useState(null);
-  useEffect(() => {
-    if (isAsked) {
-      get("/v1/deliveries?limit=1").then(({items}) => setAny(items.length > 0), () => null);
-    }
-  }, [isAsked]);
-  return isAny;
-}
+// Whether there was ever a delivery; undefined while that is not known.
+const useAnyDelivery = (isAsked) => useRead(async () =>
+  isAsked && (await get("/v1/deliveries?limit=1")).items.length > 0, {key: isAsked}).answer ?? undefined;
 
 const isEmpty = (kind) => Object.keys(picture[kind].value).length === 0;
 

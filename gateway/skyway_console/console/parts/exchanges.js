@@ -4,9 +4,10 @@ import {call, get, part} from "../api.js";
 import {WORDS} from "../desk_words.js";
 import {fleetNow} from "../fleet_clock.js";
 import {html} from "../html.js";
-import {usePolled} from "../polled.js";
+import {useRead} from "../use_read.js";
 import {momentText, shortId} from "../words.js";
 import {attempt} from "./messages.js";
+import {Table} from "./table.js";
 
 const TEXTS = WORDS.exchanges;
 const AGAIN_MS = 10_000;
@@ -14,14 +15,17 @@ const MOST_SHOWN = 200;
 
 const isToday = ({at}) => at.slice(0, 10) === new Date(fleetNow()).toISOString().slice(0, 10);
 
-const Row = ({each: {at, delivery_id: id, direction, reason}}) => html`
-  <tr><td class="title">${momentText(at)}</td><td data-label=${TEXTS.delivery} title=${id}>${shortId(id)}</td>
-    <td data-label=${TEXTS.what}>${TEXTS.directions[direction]}</td><td class="wide-cell">${reason}</td></tr>`;
+const COLUMNS = [
+  [TEXTS.when, ({at}) => momentText(at), "title"],
+  [TEXTS.delivery, ({delivery_id: id}) => html`<span title=${id}>${shortId(id)}</span>`],
+  [TEXTS.what, ({direction}) => TEXTS.directions[direction]],
+  [TEXTS.why, ({reason}) => reason, "wide-cell"],
+];
 
 export function Exchanges({providerId}) {
   const path = `/v1/providers/${part(providerId)}`;
   const read = () => Promise.all([get(path), get(`${path}/exchanges?limit=${MOST_SHOWN}`)]);
-  const {answer, problem, again} = usePolled(read, AGAIN_MS, path);
+  const {answer, problem, again} = useRead(read, {key: path, everyMs: AGAIN_MS});
   if (!answer) return html`<p class="refused">${problem}</p>`;
   const [{exchanges_deliveries: agrees}, {items, next_cursor: more}] = answer;
   const today = items.filter(isToday);
@@ -34,8 +38,6 @@ export function Exchanges({providerId}) {
     <form class="fields" aria-label=${TEXTS.title}><label class="check">
       <input type="checkbox" checked=${agrees} onChange=${agree} />${TEXTS.rule}</label></form>
     <p>${TEXTS.today(count("CAME"), count("LEFT"), more && today.length === items.length)}</p>
-    ${items.length > 0 && html`<div class="table"><table class="as-cards" aria-label=${TEXTS.title}>
-      <thead><tr><th>${TEXTS.when}</th><th>${TEXTS.delivery}</th><th>${TEXTS.what}</th><th>${TEXTS.why}</th></tr></thead>
-      <tbody>${items.map((each) => html`<${Row} key=${each.at + each.delivery_id} each=${each} />`)}</tbody>
-    </table></div>`}`;
+    ${items.length > 0 && html`<${Table} label=${TEXTS.title} items=${items} columns=${COLUMNS}
+      row=${(each) => ({key: each.at + each.delivery_id})} />`}`;
 }

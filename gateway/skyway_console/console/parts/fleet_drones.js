@@ -4,7 +4,7 @@ import {useState} from "preact/hooks";
 
 import {all, part, post} from "../api.js";
 import {html} from "../html.js";
-import {usePolled} from "../polled.js";
+import {useRead} from "../use_read.js";
 import {dayText} from "../words.js";
 import {DroneForm} from "./drone_form.js";
 import {FleetTable} from "./fleet_table.js";
@@ -16,7 +16,7 @@ const AGAIN_MS = 15_000;
 
 export function FleetDrones({providerId}) {
   const path = `/v1/providers/${part(providerId)}/drones`;
-  const {answer: drones, problem, again: read} = usePolled(() => all(path), AGAIN_MS, path);
+  const {answer: drones, problem, again: read} = useRead(() => all(path), {key: path, everyMs: AGAIN_MS});
   const [token, setToken] = useState(null);
   const show = (name, {enrolment_token: text, expires_wall_at: until}) => setToken({name, text, until});
 

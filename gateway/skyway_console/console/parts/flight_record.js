@@ -10,6 +10,9 @@ const AT_ONCE = 6;
 // A drone that has moved less than this between two samples stands, in degrees: about 10 m.
 const STILL_DEG = 1e-4;
 
+export const isStill = ([west, south], [east, north]) =>
+  Math.max(Math.abs(east - west), Math.abs(north - south)) < STILL_DEG;
+
 async function readDrones() {
   if (isOperator()) return all("/v1/drones", MOST_DRONES);
   const provider = session.value.subject_id;
@@ -66,8 +69,7 @@ function droneBetween(before, after, atMs) {
   // The place after it, beside the place before: a drone crosses longitude 180 the short way.
   const [east, north] = after.position;
   const there = [east + 360 * Math.round((before.position[0] - east) / 360), north];
-  const moved = before.position.map((each, axis) => Math.abs(there[axis] - each));
-  const isFlying = Math.max(...moved) > STILL_DEG;
+  const isFlying = !isStill(before.position, there);
   return {
     position: before.position.map((each, axis) => between(each, there[axis])),
     soc: between(before.soc, after.soc),

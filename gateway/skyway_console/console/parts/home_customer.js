@@ -3,19 +3,17 @@
 import {fleetNow, ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {connection, picture} from "../live.js";
-import {usePolledPath} from "../polled.js";
 import {pathTo} from "../routes.js";
 import {personName, session} from "../session.js";
-import {StateText} from "../state_words.js";
-import {distanceText, durationText, shortId, stationName, zonedText} from "../words.js";
+import {StateText, isOver} from "../state_words.js";
+import {useReadPath} from "../use_read.js";
+import {distanceText, durationText, placeName, shortId, zonedText} from "../words.js";
 import {Icon} from "./icons.js";
 import {WaySketch} from "./way_sketch.js";
 
 const RECENT_AGAIN_MS = 60_000;
 const MOST_CARDS = 12;
-const OVER = new Set(["COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"]);
 
-const placeText = ({station_id: station}) => (station ? stationName(station) : "a place on the map");
 const openPackages = ({packages}) => Object.values(packages).filter(({delivered_at: done, eta_at: eta}) => eta && !done);
 const nextPackage = (delivery) =>
   openPackages(delivery).sort((one, other) => one.eta_at.localeCompare(other.eta_at))[0];
@@ -46,7 +44,7 @@ function Coming({next, state}) {
     : "A drone is being chosen. You need not do anything."}</p>`;
   return html`
     <p class="figure">${countdown(next.eta_at)}</p>
-    <p>At ${placeText(next.destination)}, ${zonedText(next.eta_at)}, ${lateText(next)}.</p>`;
+    <p>At ${placeName(next.destination)}, ${zonedText(next.eta_at)}, ${lateText(next)}.</p>`;
 }
 
 function DeliveryCard({id, delivery, next}) {
@@ -62,14 +60,14 @@ function DeliveryCard({id, delivery, next}) {
         <span class="tag"><${StateText} kind="delivery" of=${state} /></span></h2>
       <${Coming} next=${next} state=${state} />
       ${mission && html`<${WaySketch} mission=${mission} drone=${drone}
-        label=${`The way from ${placeText(pickup)}${next ? ` to ${placeText(next.destination)}` : ""}`} />`}
-      <p class="hint">From ${placeText(pickup)}. ${count === 1 ? "One package." : `${done} of ${count} packages handed over.`}</p>
+        label=${`The way from ${placeName(pickup)}${next ? ` to ${placeName(next.destination)}` : ""}`} />`}
+      <p class="hint">From ${placeName(pickup)}. ${count === 1 ? "One package." : `${done} of ${count} packages handed over.`}</p>
     </li>`;
 }
 
 function Recent() {
-  const {answer} = usePolledPath("/v1/deliveries?limit=8", RECENT_AGAIN_MS);
-  const over = (answer?.items ?? []).filter(({state}) => OVER.has(state)).slice(0, 5);
+  const {answer} = useReadPath("/v1/deliveries?limit=8", {everyMs: RECENT_AGAIN_MS});
+  const over = (answer?.items ?? []).filter(({state}) => isOver(state)).slice(0, 5);
   return over.length > 0 && html`
     <section class="tile"><h2>Lately</h2>
       <ul class="lines recent">${over.map(({delivery_id: id, reference, state, updated_at: at}) => html`

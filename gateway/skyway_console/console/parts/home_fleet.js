@@ -4,9 +4,9 @@ import {fleetNow} from "../fleet_clock.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {openAlarms, picture} from "../live.js";
-import {usePolledPath} from "../polled.js";
 import {pathTo} from "../routes.js";
 import {StateText, stateHint, stateName, statesOf} from "../state_words.js";
+import {useReadPath} from "../use_read.js";
 import {distanceText, durationText, inWords, percent} from "../words.js";
 import {SplitBar, hoursOfToday} from "./home_charts.js";
 import {Tile} from "./tile.js";
@@ -24,7 +24,7 @@ const fromMidnight = () => new Date(hoursOfToday(fleetNow())[0]).toISOString();
 
 // What the deliveries of today add up to; null before the first answer.
 export const useDeliveriesToday = () =>
-  usePolledPath(`/v1/stats/deliveries?bucket=hour&from=${fromMidnight()}`, AGAIN_MS).answer;
+  useReadPath(`/v1/stats/deliveries?bucket=hour&from=${fromMidnight()}`, {everyMs: AGAIN_MS}).answer;
 
 export function DronesTile({kind}) {
   const drones = Object.values(picture.drones.value);
@@ -44,7 +44,7 @@ export function DronesTile({kind}) {
 }
 
 export function WorkTile() {
-  const {answer} = usePolledPath(`/v1/stats/drones?limit=1&from=${fromMidnight()}`, AGAIN_MS);
+  const {answer} = useReadPath(`/v1/stats/drones?limit=1&from=${fromMidnight()}`, {everyMs: AGAIN_MS});
   if (!answer) return null;
   const {flying_s: flying, recharging_s: recharging, missions, utilisation} = answer.total;
   return html`

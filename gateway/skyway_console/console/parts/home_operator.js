@@ -1,15 +1,15 @@
 // An operator's day: what needs somebody now, and how deliveries, drones, pads and services are.
 
-import {get} from "../api.js";
+import {get, spanQuery} from "../api.js";
 import {hasBegun} from "../closed.js";
 import {fleetNow, ticks} from "../fleet_clock.js";
 import {silentServices} from "../freshness.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {openAlarms, picture} from "../live.js";
-import {usePolled} from "../polled.js";
 import {pathTo} from "../routes.js";
 import {session} from "../session.js";
+import {useRead} from "../use_read.js";
 import {clockTime, distanceText, durationText} from "../words.js";
 import {isLate} from "./delivery_packages.js";
 import {Bars, DAY_MARKS, Heat, SplitBar, hoursOfToday} from "./home_charts.js";
@@ -123,8 +123,7 @@ async function readPads() {
   const hours = [];
   for (const from of hoursOfToday(fleetNow())) {
     const until = Math.min(from + HOUR_MS, fleetNow());
-    const span = `from=${new Date(from).toISOString()}&to=${new Date(until).toISOString()}`;
-    const total = known.get(from) ?? (await get(`/v1/stats/pads?limit=1&${span}`)).total;
+    const total = known.get(from) ?? (await get(`/v1/stats/pads?limit=1&${spanQuery(from, until)}`)).total;
     if (fleetNow() > from + 2 * HOUR_MS) known.set(from, total);
     hours.push({from, pads: total.pads, used: (total.utilisation ?? 0) * total.pads});
   }
@@ -132,7 +131,7 @@ async function readPads() {
 }
 
 function PadsTile() {
-  const {answer: hours} = usePolled(readPads, PADS_AGAIN_MS, "pads");
+  const {answer: hours} = useRead(readPads, {everyMs: PADS_AGAIN_MS});
   const taken = Object.values(picture.stations.value).reduce((all, {pads_taken: each}) => all + each, 0);
   const most = Math.max(...(hours ?? []).map(({used}) => used), 0.01);
   const cells = (hours ?? []).map(({from, used}) => ({

@@ -5,9 +5,9 @@ import {fleetNow} from "../fleet_clock.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {openAlarms, picture} from "../live.js";
-import {usePolled, usePolledPath} from "../polled.js";
 import {pathTo} from "../routes.js";
 import {session} from "../session.js";
+import {useRead, useReadPath} from "../use_read.js";
 import {money} from "../words.js";
 import {Bars} from "./home_charts.js";
 import {AlarmsTile, DronesTile, PromisesTile, WorkTile, useDeliveriesToday} from "./home_fleet.js";
@@ -22,7 +22,7 @@ const NEXT_SHOWN = 4;
 const dayOf = (ms) => new Date(ms).toISOString().slice(0, 10);
 
 function EarnedTile({path}) {
-  const {answer} = usePolledPath(`${path}/earnings`, AGAIN_MS);
+  const {answer} = useReadPath(`${path}/earnings`, {everyMs: AGAIN_MS});
   if (!answer) return null;
   const {currency, by_day: days} = answer;
   if (currency === null) {
@@ -55,7 +55,7 @@ async function readMaintenance(path) {
 }
 
 function MaintenanceTile({path}) {
-  const {answer} = usePolled(() => readMaintenance(path), AGAIN_MS, path);
+  const {answer} = useRead(() => readMaintenance(path), {key: path, everyMs: AGAIN_MS});
   if (!answer) return null;
   const due = answer.filter(({isDue}) => isDue).length;
   return html`

@@ -3,6 +3,7 @@
 import {WORDS} from "../desk_words.js";
 import {html} from "../html.js";
 import {inWords} from "../words.js";
+import {given, sending} from "./sent_form.js";
 
 const ROLES = ["customer", "provider", "operator"];
 
@@ -12,27 +13,13 @@ export const SCOPES = ["account:read", "account:write", "audit:read", "deliverie
   "network:read", "network:write", "operations:read", "operations:write", "quotes:write", "statements:read",
   "statements:write", "webhooks:read", "webhooks:write"];
 
-function keyOf(form) {
-  const values = new FormData(form);
-  const text = (name) => values.get(name).trim();
-  const scopes = values.getAll("scope");
-  return {
-    role: text("role"),
-    subject_id: text("subject"),
-    ...(text("name") ? {name: text("name")} : {}),
-    ...(text("ends") ? {expires_wall_at: new Date(text("ends")).toISOString()} : {}),
-    ...(scopes.length ? {scopes} : {}),
-  };
-}
+const keyOf = ({role, subject, name, ends}, values) => given({
+  role, subject_id: subject, name, expires_wall_at: ends && new Date(ends).toISOString(), scopes: values.getAll("scope"),
+});
 
 export function KeyForm({onMake}) {
-  async function make(event) {
-    event.preventDefault();
-    const form = event.target;
-    if (await onMake(keyOf(form))) form.reset();
-  }
   return html`
-    <form class="fields" aria-label="New key" onSubmit=${make}>
+    <form class="fields" aria-label="New key" onSubmit=${sending(keyOf, onMake)}>
       <label>Role<select name="role">
         ${ROLES.map((each) => html`<option value=${each}>${inWords(each)}</option>`)}
       </select></label>
@@ -53,14 +40,9 @@ export function KeyForm({onMake}) {
 }
 
 export function TestKeyForm({onMake}) {
-  async function make(event) {
-    event.preventDefault();
-    const form = event.target;
-    const name = new FormData(form).get("name").trim();
-    if (await onMake({livemode: false, ...(name ? {name} : {})})) form.reset();
-  }
   return html`
-    <form class="fields" aria-label=${WORDS.keys.newTest} onSubmit=${make}>
+    <form class="fields" aria-label=${WORDS.keys.newTest}
+      onSubmit=${sending(({name}) => ({livemode: false, ...given({name})}), onMake)}>
       <label>${WORDS.keys.name}<input name="name" maxlength="100" placeholder="ci" /></label>
       <div class="commands"><button class="main">${WORDS.keys.make}</button></div>
     </form>`;

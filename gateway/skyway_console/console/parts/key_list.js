@@ -1,41 +1,35 @@
 // API keys: operators list, make and delete them, and customers their test keys; each holder gets the next key of the own one.
 
-import {useEffect, useState} from "preact/hooks";
+import {useState} from "preact/hooks";
 
 import {all, call, part, post} from "../api.js";
 import {WORDS} from "../desk_words.js";
 import {html} from "../html.js";
 import {isOperator} from "../session.js";
+import {useRead} from "../use_read.js";
 import {dayText, inWords} from "../words.js";
 import {KeyForm, TestKeyForm} from "./key_form.js";
 import {attempt} from "./messages.js";
 import {SecretBox} from "./secret_box.js";
 import {SureButton} from "./sure_button.js";
+import {Table, unseen} from "./table.js";
 
 function secretsOf({key, mqtt}) {
   return [["Key", key], ...(mqtt ? [["Broker user", mqtt.user_name], ["Broker password", mqtt.password]] : [])];
 }
 
-function KeyRow({each, onDelete}) {
-  const {key_id, role, subject_id, name, livemode, scopes, created_wall_at, expires_wall_at} = each;
-  return html`
-    <tr>
-      <td class="title">${name && html`${name}<br />`}<small>${key_id}</small></td>
-      <td data-label="For">${subject_id}<br /><small>${inWords(role)}</small></td>
-      <td data-label=${WORDS.keys.mode}>${livemode ? WORDS.keys.live : html`<span class="tag">${WORDS.keys.test}</span>`}</td>
-      <td data-label="Allows">${scopes ? scopes.join(", ") : "all of its role"}</td>
-      <td data-label="Made">${dayText(created_wall_at)}</td>
-      <td data-label="Ends">${expires_wall_at ? dayText(expires_wall_at) : "never"}</td>
-      <td>${(isOperator() || !livemode) && html`
-        <${SureButton} verb="Delete" label=${`Delete key ${name ?? key_id}`} onSure=${onDelete} />`}</td>
-    </tr>`;
-}
+const COLUMNS = [
+  ["Name", ({key_id, name}) => html`${name && html`${name}<br />`}<small>${key_id}</small>`, "title"],
+  ["For", ({subject_id, role}) => html`${subject_id}<br /><small>${inWords(role)}</small>`],
+  [WORDS.keys.mode, ({livemode}) => (livemode ? WORDS.keys.live : html`<span class="tag">${WORDS.keys.test}</span>`)],
+  ["Allows", ({scopes}) => (scopes ? scopes.join(", ") : "all of its role")],
+  ["Made", ({created_wall_at: at}) => dayText(at)],
+  ["Ends", ({expires_wall_at: at}) => (at ? dayText(at) : "never")],
+];
 
 export function KeyList() {
-  const [keys, setKeys] = useState([]);
+  const {answer: keys, problem, again: read} = useRead(() => all("/v1/keys"));
   const [made, setMade] = useState(null);
-  const read = () => attempt(async () => setKeys(await all("/v1/keys")));
-  useEffect(() => void read(), []);
 
   async function make(wanted) {
     const isMade = await attempt(async () => setMade(await post("/v1/keys", wanted)));
@@ -46,14 +40,12 @@ export function KeyList() {
     if (await attempt(() => call("DELETE", `/v1/keys/${part(key_id)}`), "The key is deleted.")) read();
   }
 
+  const deleting = [unseen("Delete"), (each) => (isOperator() || !each.livemode) && html`
+    <${SureButton} verb="Delete" label=${`Delete key ${each.name ?? each.key_id}`} onSure=${() => remove(each)} />`];
   return html`
     <h2>Keys</h2>
-    <div class="table"><table class="as-cards" aria-label="Keys">
-      <thead><tr><th>Name</th><th>For</th><th>${WORDS.keys.mode}</th><th>Allows</th><th>Made</th><th>Ends</th>
-        <th><span class="unseen">Delete</span></th></tr></thead>
-      <tbody>${keys.map((each) => html`
-        <${KeyRow} key=${each.key_id} each=${each} onDelete=${() => remove(each)} />`)}</tbody>
-    </table></div>
+    ${problem && html`<p class="refused" role="alert">${problem}</p>`}
+    <${Table} label="Keys" items=${keys ?? []} columns=${[...COLUMNS, deleting]} row=${({key_id: key}) => ({key})} />
     ${made && html`<${SecretBox} title="The new key" secrets=${secretsOf(made)} onClose=${() => setMade(null)}
       hint="It is shown only now. Nobody can read it again." />`}
     ${isOperator() ? html`<h2>New key</h2><${KeyForm} onMake=${make} />`

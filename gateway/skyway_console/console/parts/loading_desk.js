@@ -6,8 +6,8 @@ import {all, part, post} from "../api.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
-import {usePolled} from "../polled.js";
 import {stateName} from "../state_words.js";
+import {useRead} from "../use_read.js";
 import {momentText, shortId, stationName} from "../words.js";
 import {attempt, say} from "./messages.js";
 
@@ -76,7 +76,7 @@ function Waiting({mission, onDone}) {
 }
 
 export function LoadingDesk({providerId}) {
-  const {answer, problem, again} = usePolled(() => all("/v1/missions?loading=AWAITED"), AGAIN_MS, "awaited");
+  const {answer, problem, again} = useRead(() => all("/v1/missions?loading=AWAITED"), {everyMs: AGAIN_MS});
   const missions = answer?.filter(isWaiting(providerId));
   return html`
     ${problem && html`<p class="refused">${problem}</p>`}

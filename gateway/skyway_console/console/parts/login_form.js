@@ -1,21 +1,21 @@
 // Asks for a key. The key is sent once, for a session or for one call; the page keeps it nowhere.
 
-import {useEffect, useRef, useState} from "preact/hooks";
+import {useState} from "preact/hooks";
 
 import {keyWanted} from "../api.js";
 import {html} from "../html.js";
 import {beginSession} from "../session.js";
+import {useModal} from "./panel.js";
+import {useBusy} from "./use_busy.js";
 
 export function LoginForm({problem}) {
   const [refused, setRefused] = useState(problem);
-  const [isBusy, setBusy] = useState(false);
+  const [isBusy, busy] = useBusy();
 
   async function login(event) {
     event.preventDefault();
-    setBusy(true);
     const key = new FormData(event.target).get("key").trim();
-    await beginSession(key).catch((refusal) => setRefused(refusal.message));
-    setBusy(false);
+    await busy(() => beginSession(key).catch((refusal) => setRefused(refusal.message)));
   }
 
   return html`
@@ -40,8 +40,7 @@ export function KeyDialog() {
 }
 
 function Dialog({give}) {
-  const element = useRef(null);
-  useEffect(() => element.current.showModal(), []);
+  const element = useModal();
   function answer(key) {
     if (keyWanted.value === give) keyWanted.value = null;
     give(key);

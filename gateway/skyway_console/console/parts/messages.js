@@ -30,6 +30,8 @@ export async function attempt(action, done) {
   return true;
 }
 
+export const copy = (text, done) => attempt(() => navigator.clipboard.writeText(text), done);
+
 const Close = ({id}) => html` <button class="undo" onClick=${() => forget(id)}>Close</button>`;
 
 function Undo({id, undo}) {

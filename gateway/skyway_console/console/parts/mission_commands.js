@@ -2,14 +2,13 @@
 // asks for a reason.
 
 import {signal} from "@preact/signals";
-import {useEffect} from "preact/hooks";
 
 import {part, post} from "../api.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
-import {networks, networkContent} from "../networks.js";
-import {stationsOf} from "../map/features.js";
+import {allStationIds} from "../networks.js";
 import {previewLanding} from "../preview.js";
+import {useRead} from "../use_read.js";
 import {stationName} from "../words.js";
 import {confirm} from "./confirm_dialog.js";
 import {Outlook} from "./outlook.js";
@@ -51,18 +50,8 @@ function ask(command, missionId, droneId) {
   });
 }
 
-const stationIds = signal([]);
-
-async function readStations() {
-  const contents = await Promise.all((networks.value ?? []).map(({network_id}) => networkContent(network_id)));
-  stationIds.value = contents.flatMap(stationsOf).map(({properties}) => properties.station_id).sort();
-}
-
 export function MissionCommands({missionId, mission}) {
-  // In an effect: before networks are known, reading while drawing would draw again without end.
-  useEffect(() => {
-    if (stationIds.value.length === 0) readStations().catch(() => null);
-  }, [networks.value]);
+  const stationIds = useRead(allStationIds).answer ?? [];
   const button = (command, isDisabled = false) => html`
     <button disabled=${isDisabled} title=${COMMANDS[command][1]}
       onClick=${() => ask(command, missionId, mission.drone_id)}>${COMMANDS[command][0]}</button>`;
@@ -74,7 +63,7 @@ export function MissionCommands({missionId, mission}) {
         <select aria-label="Station for a diversion" value=${divertTo.value}
           onChange=${({target}) => (divertTo.value = target.value)}>
           <option value="">Divert to…</option>
-          ${stationIds.value.map((id) => html`<option value=${id}>${stationName(id)}</option>`)}
+          ${stationIds.map((id) => html`<option value=${id}>${stationName(id)}</option>`)}
         </select>
         ${button("DIVERT", divertTo.value === "")}
       </span>

@@ -2,16 +2,15 @@
 
 import {useEffect, useRef, useState} from "preact/hooks";
 
-import {post} from "../api.js";
 import {WORDS} from "../desk_words.js";
 import {ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
-import {openView} from "../routes.js";
 import {distanceText, durationText, inWords, marginText, money, momentText, shortId, stationName}
   from "../words.js";
 import {attempt} from "./messages.js";
 import {OfferNotes} from "./offer_notes.js";
-import {beginAgain, offeredWays, people} from "./request_draft.js";
+import {offeredWays, requestDelivery} from "./request_draft.js";
+import {useBusy} from "./use_busy.js";
 
 const METRES_PER_KM = 1_000;
 const JOULES_PER_WH = 3_600;
@@ -80,7 +79,7 @@ function Busy({reasons, onRequest}) {
 export function OfferCards({quote, names, onAsk, onRequest}) {
   ticks.value; // read so that the time that is left is right each second
   const section = useRef(null);
-  const [isBusy, setBusy] = useState(false);
+  const [isBusy, busy] = useBusy();
   const [chosen, setChosen] = useState(quote.offers[0]?.offer_id);
   useEffect(() => {
     offeredWays.value = quote.offers.map(({offer_id, ways}) => ({ways, isChosen: offer_id === chosen}));
@@ -92,22 +91,15 @@ export function OfferCards({quote, names, onAsk, onRequest}) {
   const leftS = (Date.parse(expires_wall_at) - Date.now()) / 1_000;
   const isWaiting = offers.length === 0 && infeasible.some(({code}) => code === "BUSY");
 
-  async function take({offer_id}) {
-    setBusy(true);
-    await attempt(async () => {
-      // The same offer is taken once, however often somebody presses the button.
-      const headers = {"Idempotency-Key": `take-${offer_id}`};
-      const {delivery_id} = await post("/v1/deliveries", {quote_id, offer_id, ...people()}, headers)
-        .catch(async (refusal) => {
-          if (!GONE.has(refusal.problem?.code)) throw refusal;
-          await onAsk();
-          throw new Error(TEXT.gone);
-        });
-      beginAgain();
-      openView("deliveries", delivery_id);
-    }, "The delivery is requested.");
-    setBusy(false);
-  }
+  const take = ({offer_id}) => busy(() => attempt(async () => {
+    // The same offer is taken once, however often somebody presses the button.
+    const headers = {"Idempotency-Key": `take-${offer_id}`};
+    await requestDelivery({quote_id, offer_id}, headers).catch(async (refusal) => {
+      if (!GONE.has(refusal.problem?.code)) throw refusal;
+      await onAsk();
+      throw new Error(TEXT.gone);
+    });
+  }, "The delivery is requested."));
 
   return html`
     <section ref=${section} aria-label="Answer" aria-live="polite">

@@ -1,17 +1,14 @@
 // What was closed in a past hour, and what drones had to fly: from composition's record.
 
-import {all, get, part} from "../api.js";
+import {all, get, part, spanQuery} from "../api.js";
 
 const MOST_CLOSURES = 500;
-
-// A span as the query of a call.
-export const spanOf = ({from, until}) => `from=${new Date(from).toISOString()}&to=${new Date(until).toISOString()}`;
 
 const endMs = (moment) => (moment ? Date.parse(moment) : Infinity);
 
 // What was closed at some moment of the span.
 export async function readClosures(span) {
-  const closures = await all(`/v1/closures?${spanOf(span)}`, MOST_CLOSURES);
+  const closures = await all(`/v1/closures?${spanQuery(span.from, span.until)}`, MOST_CLOSURES);
   return closures.map((each) => ({
     ...each,
     station_id: each.from_id ?? each.station_id,
@@ -29,7 +26,7 @@ export const closuresAt = (closures, atMs) => Object.fromEntries(closures
 
 // The plans of the missions that a drone had in the span, in the order in which they were sent.
 export async function readPlans(droneId, span) {
-  const {plans} = await get(`/v1/drones/${part(droneId)}/plans?${spanOf(span)}`);
+  const {plans} = await get(`/v1/drones/${part(droneId)}/plans?${spanQuery(span.from, span.until)}`);
   return plans.filter(({is_accepted: isAccepted}) => isAccepted);
 }
 

@@ -1,12 +1,11 @@
 // Which plans were replaced in the last hour, and what that changed: from the plans that drones were sent.
 
-import {useEffect, useState} from "preact/hooks";
-
 import {droneName} from "../drone_names.js";
 import {fleetNow} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {pathTo} from "../routes.js";
+import {useRead} from "../use_read.js";
 import {shortId, momentText} from "../words.js";
 import {changeText} from "./delivery_timeline.js";
 import {readPlans} from "./past_plans.js";
@@ -43,14 +42,9 @@ async function readChanges() {
 }
 
 export function PlanChanges() {
-  const [changes, setChanges] = useState([]);
   const revisions = Object.entries(picture.missions.value).filter(([, {revision}]) => revision > 1)
     .map(([id, {revision}]) => `${id} ${revision}`).join();
-  useEffect(() => {
-    let isOld = false;
-    readChanges().then((read) => isOld || setChanges(read), () => null);
-    return () => (isOld = true);
-  }, [revisions]);
+  const changes = useRead(readChanges, {changed: revisions}).answer ?? [];
   return html`
     <h2>New plans of the last hour</h2>
     ${changes.length === 0 && html`<p>No mission that goes on got another plan.</p>`}

@@ -1,8 +1,9 @@
 // Which share of the packages came by their P90, in the last day and week: 88 to 92 % is as it should be.
 
 import {html} from "../html.js";
-import {usePolledPath} from "../polled.js";
+import {useReadPath} from "../use_read.js";
 import {shortId, wordsOfId} from "../words.js";
+import {Table} from "./table.js";
 
 // Milliseconds of wall time between two questions.
 const ASK_EVERY_MS = 60_000;
@@ -31,54 +32,39 @@ const together = (groups) => {
   return {packages, p90_share: packages === 0 ? null : inTime / packages};
 };
 
-function Cell({label, groups}) {
-  const share = together(groups);
-  return html`<td data-label=${label}>${shareText(share)}</td>`;
-}
-
 // The last packages by what was known when they were promised.
 function Groups({groups}) {
   const titles = [...new Set(groups.map(groupTitle))];
+  const own = (title) => groups.filter((each) => groupTitle(each) === title);
+  const shareOf = (title, recharges) =>
+    shareText(together(own(title).filter((each) => each.recharges === recharges)));
   return html`
     <h3>By weather and recharges</h3>
-    <div class="table"><table class="as-cards" aria-label="By weather and recharges">
-      <thead><tr><th>Weather</th><th>All</th>
-        ${RECHARGES.map((each) => html`<th key=${each}>${rechargesText(each)}</th>`)}</tr></thead>
-      <tbody>
-        ${titles.map((title) => {
-          const own = groups.filter((each) => groupTitle(each) === title);
-          return html`
-            <tr key=${title}>
-              <td class="title">${title}</td>
-              <${Cell} label="All" groups=${own} />
-              ${RECHARGES.map((each) => html`<${Cell} key=${each} label=${rechargesText(each)}
-                groups=${own.filter(({recharges}) => recharges === each)} />`)}
-            </tr>`;
-        })}
-      </tbody>
-    </table></div>`;
+    <${Table} label="By weather and recharges" items=${titles} row=${(key) => ({key})} columns=${[
+      ["Weather", (title) => title, "title"],
+      ["All", (title) => shareText(together(own(title)))],
+      ...RECHARGES.map((each) => [rechargesText(each), (title) => shareOf(title, each)]),
+    ]} />`;
 }
+
+const shareCell = (share) => html`<span class=${isOff(share.p90_share) ? "late" : ""}>${shareText(share)}</span>`;
+
+const COLUMNS = [
+  ["Network", ({network_id: network}) => (network ? wordsOfId(network) : "not known"), "title"],
+  ["Provider", ({provider_id: provider}) => (provider ? shortId(provider) : "all")],
+  ["Last day", ({day}) => shareCell(day)],
+  ["Last week", ({week}) => shareCell(week)],
+];
 
 // Of one provider, or of all networks and providers without an id.
 export function Promises({providerId = null}) {
-  const {answer} = usePolledPath("/v1/stats/promises", ASK_EVERY_MS);
+  const {answer} = useReadPath("/v1/stats/promises", {everyMs: ASK_EVERY_MS});
   if (answer === null) return null;
   const {items, groups} = answer;
   const shown = providerId === null ? items : items.filter((each) => each.provider_id === providerId);
   return html`
     <h2>Packages by their P90</h2>
     ${shown.length === 0 ? html`<p>No package with a P90 was delivered in the last week.</p>` : html`
-      <div class="table"><table class="as-cards" aria-label="Packages by their P90">
-        <thead><tr><th>Network</th><th>Provider</th><th>Last day</th><th>Last week</th></tr></thead>
-        <tbody>
-          ${shown.map(({network_id: network, provider_id: provider, day, week}) => html`
-            <tr key=${`${network} ${provider}`}>
-              <td class="title">${network ? wordsOfId(network) : "not known"}</td>
-              <td data-label="Provider">${provider ? shortId(provider) : "all"}</td>
-              <td data-label="Last day" class=${isOff(day.p90_share) ? "late" : ""}>${shareText(day)}</td>
-              <td data-label="Last week" class=${isOff(week.p90_share) ? "late" : ""}>${shareText(week)}</td>
-            </tr>`)}
-        </tbody>
-      </table></div>`}
+      <${Table} label="Packages by their P90" items=${shown} columns=${COLUMNS} />`}
     ${groups.length > 0 && html`<${Groups} groups=${groups} />`}`;
 }

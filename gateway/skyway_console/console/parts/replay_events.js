@@ -3,17 +3,12 @@
 import {droneName} from "../drone_names.js";
 import {inWords} from "../words.js";
 import {closureName} from "./closures.js";
-
-// A drone that has not moved so far between two samples stands, in degrees: about 10 m.
-const STILL_DEG = 1e-4;
-
-const isStill = ({position: [west, south]}, {position: [east, north]}) =>
-  Math.max(Math.abs(east - west), Math.abs(north - south)) < STILL_DEG;
+import {isStill} from "./flight_record.js";
 
 // The moments at which a drone has come to stand.
 function landingsOf(samples) {
   return samples.slice(1, -1).filter((sample, number) =>
-    !isStill(samples[number], sample) && isStill(sample, samples[number + 2])).map(({atMs}) => atMs);
+    !isStill(samples[number].position, sample.position) && isStill(sample.position, samples[number + 2].position)).map(({atMs}) => atMs);
 }
 
 function closureEvents({closure_id: id, kind, fromMs, untilMs, ...closure}) {

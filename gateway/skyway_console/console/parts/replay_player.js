@@ -3,7 +3,7 @@
 import {html} from "../html.js";
 import {clockTime, zoneName} from "../words.js";
 
-export const SPEEDS = [1, 10, 60, 300];
+const SPEEDS = [1, 10, 60, 300];
 const STEP_MS = 10_000;
 // A jump back from less than this after an event goes to the event before it.
 const JUST_MS = 1_000;
@@ -28,11 +28,11 @@ const Marks = ({events, span}) => html`
         <path class=${kind} d=${SHAPES[kind]} /></svg>`)}
   </svg>`;
 
-export function eventBefore(events, atMs) {
+function eventBefore(events, atMs) {
   return events.filter((each) => each.atMs < atMs - JUST_MS).at(-1);
 }
 
-export const eventAfter = (events, atMs) => events.find((each) => each.atMs > atMs);
+const eventAfter = (events, atMs) => events.find((each) => each.atMs > atMs);
 
 // What the keys do, wherever in the view somebody is, except where a control needs them itself.
 export function keysOf({atMs, onAt, isPlaying, onPlay, events}) {

@@ -2,6 +2,9 @@
 
 import {signal} from "@preact/signals";
 
+import {post} from "../api.js";
+import {openView} from "../routes.js";
+
 export const OBJECTIVES = ["FASTEST", "CHEAPEST", "GREENEST"];
 export const MOST_PACKAGES = 100;
 
@@ -80,7 +83,7 @@ export function quoteRequest() {
 }
 
 // The members of POST /v1/deliveries that name people; quotes take none of them.
-export function people() {
+function people() {
   const {instructions, ...contact} = draft.value.contact;
   const recipient = Object.fromEntries(Object.entries(contact)
     .map(([name, text]) => [name, text.trim()]).filter(([, text]) => text));
@@ -88,4 +91,11 @@ export function people() {
     ...(Object.keys(recipient).length ? {recipient} : {}),
     ...(instructions.trim() ? {instructions: instructions.trim()} : {}),
   };
+}
+
+// Requests what `asked` says, with the people of the draft, and opens the delivery.
+export async function requestDelivery(asked, headers) {
+  const {delivery_id: deliveryId} = await post("/v1/deliveries", {...asked, ...people()}, headers);
+  beginAgain();
+  openView("deliveries", deliveryId);
 }

@@ -38,38 +38,37 @@ const ProofChoice = ({each, number, isOnly}) => html`
     ${Object.entries(WORDS.proof.methods).map(([method, text]) => html`<option value=${method}>${text}</option>`)}
   </select></label>`;
 
+const changeTo = (name) => ({target}) => change({[name]: target.value});
+
+const Amount = ({text, name, max}) => html`
+  <label>${text}<input required type="number" min="0" max=${max} step="any" value=${draft.value[name]}
+    onInput=${changeTo(name)} /></label>`;
+
+const Choice = ({text, name}) => html`
+  <label class="check"><input type="checkbox" checked=${draft.value[name]}
+    onChange=${({target}) => change({[name]: target.checked})} /> ${text}</label>`;
+
 function Wishes() {
-  const {packages, objective, reference, latest, isHeld, mayShare, waitMinutes, withinM,
-    firmMinutes, laterMinutes, mayChange} = draft.value;
+  const {packages, objective, reference, latest, mayShare} = draft.value;
   return html`
     <div class="fields">
       ${packages.map((each, number) => html`<${ProofChoice} key=${number} each=${each} number=${number}
         isOnly=${packages.length === 1} />`)}
       <${WalkLimit} />
-      <label>Best is the<select value=${objective} onChange=${({target}) => change({objective: target.value})}>
+      <label>Best is the<select value=${objective} onChange=${changeTo("objective")}>
         ${OBJECTIVES.map((each) => html`<option value=${each}>${inWords(each)}</option>`)}
       </select></label>
       <label>Latest delivery, fleet time (optional)<input type="datetime-local" value=${latest}
-        onInput=${({target}) => change({latest: target.value})} /></label>
-      <label>Promise an arrival time within, minutes<input required type="number" min="0" max="60" step="any"
-        value=${firmMinutes} onInput=${({target}) => change({firmMinutes: target.value})} /></label>
-      <label>It may come later than promised by, minutes<input required type="number" min="0" max="240" step="any"
-        value=${laterMinutes} onInput=${({target}) => change({laterMinutes: target.value})} /></label>
+        onInput=${changeTo("latest")} /></label>
+      <${Amount} text="Promise an arrival time within, minutes" name="firmMinutes" max="60" />
+      <${Amount} text="It may come later than promised by, minutes" name="laterMinutes" max="240" />
       <label>Reference (optional)<input maxlength="200" value=${reference} placeholder="order 1042"
-        onInput=${({target}) => change({reference: target.value})} /></label>
-      <label class="check"><input type="checkbox" checked=${isHeld}
-        onChange=${({target}) => change({isHeld: target.checked})} />
-        Keep the drones of the best offers for me until the offers end</label>
-      <label class="check"><input type="checkbox" checked=${mayChange}
-        onChange=${({target}) => change({mayChange: target.checked})} />
-        Another provider may fly it, for the same price</label>
-      <label class="check"><input type="checkbox" checked=${mayShare}
-        onChange=${({target}) => change({mayShare: target.checked})} />
-        Share the trip with packages of others, at a lower price (not with a latest delivery)</label>
-      ${mayShare && html`<label>Wait for others, minutes<input required type="number" min="0" max="60" step="any"
-        value=${waitMinutes} onInput=${({target}) => change({waitMinutes: target.value})} /></label>
-      <label>Farthest other station where I can hand over, metres (only without an offer)<input required type="number" min="0" max="5000"
-        step="any" value=${withinM} onInput=${({target}) => change({withinM: target.value})} /></label>`}
+        onInput=${changeTo("reference")} /></label>
+      <${Choice} text="Keep the drones of the best offers for me until the offers end" name="isHeld" />
+      <${Choice} text="Another provider may fly it, for the same price" name="mayChange" />
+      <${Choice} text="Share the trip with packages of others, at a lower price (not with a latest delivery)" name="mayShare" />
+      ${mayShare && html`<${Amount} text="Wait for others, minutes" name="waitMinutes" max="60" />
+        <${Amount} text="Farthest other station where I can hand over, metres (only without an offer)" name="withinM" max="5000" />`}
     </div>`;
 }
 

@@ -1,41 +1,28 @@
 // The map of a request: clicks choose the pickup and the destinations.
 
 import {effect} from "@preact/signals";
-import {useEffect, useRef} from "preact/hooks";
+import {useEffect} from "preact/hooks";
 
 import {closedThen} from "../closed.js";
-import {html} from "../html.js";
 import {picture} from "../live.js";
-import {FleetMap} from "../map/fleet_map.js";
 import {RequestMarks} from "../map/request_marks.js";
+import {useFleetMap} from "../map/use_fleet_map.js";
 import {choosePoint} from "./place_finder.js";
 import {choose, draft, offeredWays} from "./request_draft.js";
 
 export function RequestMap({network}) {
-  const container = useRef(null);
+  const onClick = ({stationId, position}) => (stationId ? choose(stationId) : choosePoint(position, network));
+  const {map, element, shown} = useFleetMap({onClick, isLive: true, network, begin: (made) => [
+    effect(() => made.drones.show(picture.drones.value)),
+  ]});
   useEffect(() => {
-    const map = new FleetMap(container.current, ({stationId, position}) =>
-      (stationId ? choose(stationId) : choosePoint(position, network)), {isLive: true});
-    const marks = new RequestMarks(map);
-    // Stories in tests look for the place of a station on the screen.
-    container.current.fleetMap = map;
-    const stops = [effect(() => map.drones.show(picture.drones.value))];
-    let isGone = false;
-    map.isReady.then(() => {
-      if (isGone) return;
-      map.showNetwork(network);
-      stops.push(
-        effect(() => map.showStations(picture.stations.value, closedThen.value)),
-        effect(() => marks.show(network, draft.value, offeredWays.value)),
-      );
-    });
-    return () => {
-      isGone = true;
-      stops.forEach((stop) => stop());
-      map.remove();
-    };
-  }, [network]);
-  return html`
-    <div class="map" ref=${container} role="application"
-      aria-label="Map of the request: click the pickup, then the destinations"></div>`;
+    if (!shown) return undefined;
+    const marks = new RequestMarks(map.current);
+    const stops = [
+      effect(() => map.current.showStations(picture.stations.value, closedThen.value)),
+      effect(() => marks.show(shown, draft.value, offeredWays.value)),
+    ];
+    return () => stops.forEach((stop) => stop());
+  }, [shown]);
+  return element("Map of the request: click the pickup, then the destinations");
 }

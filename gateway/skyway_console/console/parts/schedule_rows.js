@@ -1,10 +1,9 @@
 // The rows of the schedule: drones with their missions, or pads with what is booked on them.
 
-import {all, get, part} from "../api.js";
+import {all, get, part, spanQuery} from "../api.js";
 import {droneName} from "../drone_names.js";
 import {picture} from "../live.js";
-import {stationsOf} from "../map/features.js";
-import {listNetworks, networkContent} from "../networks.js";
+import {allStationIds} from "../networks.js";
 import {isOperator, session} from "../session.js";
 import {stateName} from "../state_words.js";
 import {shortId, stationName} from "../words.js";
@@ -15,9 +14,6 @@ const MOST_PADS = 40;
 const MOST_MISSIONS = 200;
 const PLANS_EVERY_MS = 30_000;
 const LATE_MS = 60_000;
-
-export const spanQuery = ({from, to}) =>
-  `from=${new Date(from).toISOString()}&to=${new Date(to).toISOString()}`;
 
 async function readProviders() {
   if (!isOperator()) return [session.value.subject_id];
@@ -41,7 +37,7 @@ export async function readDrones(span) {
   const items = [];
   for (const provider of await readProviders()) {
     if (items.length >= MOST_ROWS) break;
-    items.push(...await all(`/v1/providers/${part(provider)}/schedule?${spanQuery(span)}`, MOST_ROWS));
+    items.push(...await all(`/v1/providers/${part(provider)}/schedule?${spanQuery(span.from, span.to)}`, MOST_ROWS));
   }
   const missions = items.length ? await readPlans().catch(() => ({})) : {};
   return items.slice(0, MOST_ROWS).map((each) => droneRow(each, missions))
@@ -87,14 +83,9 @@ function droneRow({drone_id: id, entries}, missions) {
 }
 
 export async function readPads(span) {
-  const contents = await Promise.all(
-    (await listNetworks()).map(({network_id}) => networkContent(network_id)));
-  const busy = contents.flatMap(stationsOf)
-    .map(({properties}) => properties.station_id)
-    .filter((id) => picture.stations.value[id])
-    .sort().slice(0, MOST_PADS);
+  const busy = (await allStationIds()).filter((id) => picture.stations.value[id]).slice(0, MOST_PADS);
   const schedules = await Promise.all(
-    busy.map((id) => get(`/v1/stations/${part(id)}/schedule?${spanQuery(span)}`)));
+    busy.map((id) => get(`/v1/stations/${part(id)}/schedule?${spanQuery(span.from, span.to)}`)));
   return schedules.flatMap(({station_id: station, pads}) => pads
     .filter(({entries}) => entries.length > 0)
     .map(({pad, entries}) => ({

@@ -1,13 +1,8 @@
 // A secret that is shown this once: as text that one key press copies, and as a QR code if asked.
 
 import {html} from "../html.js";
-import {say} from "./messages.js";
+import {copy} from "./messages.js";
 import {QrCode} from "./qr_code.js";
-
-async function copy(text) {
-  await navigator.clipboard.writeText(text);
-  say("It is copied.");
-}
 
 // `secrets` are pairs of a name and a text.
 export const SecretBox = ({title, hint, secrets, qrOf, onClose}) => html`
@@ -18,7 +13,7 @@ export const SecretBox = ({title, hint, secrets, qrOf, onClose}) => html`
       <label>${name}<span class="row">
         <input readonly value=${text} aria-label=${name} onFocus=${({target}) => target.select()} />
         ${navigator.clipboard && html`
-          <button type="button" onClick=${() => copy(text)} aria-label=${`Copy ${name}`}>Copy</button>`}
+          <button type="button" onClick=${() => copy(text, "It is copied.")} aria-label=${`Copy ${name}`}>Copy</button>`}
       </span></label>`)}
     ${qrOf && html`<${QrCode} text=${qrOf} label=${`${title} as a QR code`} />`}
     <button type="button" onClick=${onClose}>I have kept it</button>

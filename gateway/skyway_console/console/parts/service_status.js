@@ -2,7 +2,7 @@
 
 import {part} from "../api.js";
 import {html} from "../html.js";
-import {usePolledPath} from "../polled.js";
+import {useReadPath} from "../use_read.js";
 import {distanceText} from "../words.js";
 
 // Milliseconds of wall time between two questions.
@@ -23,7 +23,7 @@ const BUSY_TEXT = "All drones are busy or charging just now. Ask for offers all 
 const restrictionText = (each) => (each.code === "NO_IDLE_DRONES" ? BUSY_TEXT : `${each.detail}${untilText(each)}`);
 
 export function ServiceStatus({networkId}) {
-  const {answer: status} = usePolledPath(`/v1/networks/${part(networkId)}/status`, ASK_EVERY_MS);
+  const {answer: status} = useReadPath(`/v1/networks/${part(networkId)}/status`, {everyMs: ASK_EVERY_MS});
   if (status === null || status.status === "OPEN") return null;
   const {restrictions, more_restrictions: further} = status;
   const isOnlyBusy = restrictions.every(({code}) => code === "NO_IDLE_DRONES");

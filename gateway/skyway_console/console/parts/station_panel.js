@@ -1,31 +1,19 @@
 // A station: its pads with what is booked on them, and closing the station or a pad.
 
-import {useEffect, useState} from "preact/hooks";
-
-import {get, part} from "../api.js";
+import {part} from "../api.js";
 import {closureTimes, hasBegun} from "../closed.js";
 import {ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {stationsOf} from "../map/features.js";
 import {isOperator} from "../session.js";
+import {useReadPath} from "../use_read.js";
 import {momentText, shortId, stationName} from "../words.js";
 import {askToClose, askToOpen, closureName} from "./closures.js";
 import {Facts} from "./facts.js";
 import {Panel} from "./panel.js";
 
 const AGAIN_MS = 5_000;
-
-function useSchedule(stationId) {
-  const [schedule, setSchedule] = useState(null);
-  useEffect(() => {
-    const look = () => get(`/v1/stations/${part(stationId)}/schedule`).then(setSchedule, () => null);
-    look();
-    const timer = setInterval(look, AGAIN_MS);
-    return () => clearInterval(timer);
-  }, [stationId]);
-  return schedule;
-}
 
 function Pad({stationId, pad, entries}) {
   const path = `/v1/stations/${part(stationId)}/pads/${pad}/outages`;
@@ -77,7 +65,7 @@ function Segments({stationId, network}) {
 }
 
 export function StationPanel({stationId, network, onClose}) {
-  const schedule = useSchedule(stationId);
+  const {answer: schedule} = useReadPath(`/v1/stations/${part(stationId)}/schedule`, {everyMs: AGAIN_MS});
   const live = picture.stations.value[stationId];
   const known = network && stationsOf(network)
     .find(({properties}) => properties.station_id === stationId)?.properties;

@@ -4,14 +4,9 @@ import {useEffect, useState} from "preact/hooks";
 
 import {call, get} from "../api.js";
 import {html} from "../html.js";
-import {attempt, say} from "./messages.js";
+import {attempt, copy} from "./messages.js";
 import {QrCode} from "./qr_code.js";
 import {SureButton} from "./sure_button.js";
-
-async function copy(url) {
-  await navigator.clipboard.writeText(url);
-  say("The link is copied.");
-}
 
 export function TrackingBox({path}) {
   // The link outlives a session, so it is shown to the key alone: undefined until somebody asks.
@@ -33,7 +28,7 @@ export function TrackingBox({path}) {
         <p>Everybody with <a href=${url} target="_blank" rel="noopener">this link</a> can follow the delivery.</p>
         <${QrCode} text=${url} label="The link as a QR code" />
         <div class="commands">
-          ${navigator.clipboard && html`<button onClick=${() => copy(url)}>Copy the link</button>`}
+          ${navigator.clipboard && html`<button onClick=${() => copy(url, "The link is copied.")}>Copy the link</button>`}
           <button onClick=${renew}>Another link</button>
           ${sure}
         </div>` : url === undefined ? html`

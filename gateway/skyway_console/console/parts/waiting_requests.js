@@ -3,15 +3,13 @@
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {pathTo} from "../routes.js";
-import {momentText, shortId, stationName} from "../words.js";
+import {momentText, placeName, shortId} from "../words.js";
 
 const SHOWN = 50;
 
 const waiting = () => Object.entries(picture.deliveries.value)
   .filter(([, {is_waiting: isWaiting}]) => isWaiting)
   .sort(([, one], [, other]) => one.created_at.localeCompare(other.created_at));
-
-const place = ({station_id: station}) => (station ? stationName(station) : "a place on the map");
 
 export function WaitingRequests() {
   const requests = waiting();
@@ -22,8 +20,8 @@ export function WaitingRequests() {
       ${requests.slice(0, SHOWN).map(([id, {created_at: since, pickup, packages, reference}]) => html`
         <li key=${id}><time>since ${momentText(since)}</time>
           <a href=${pathTo("deliveries", id)}>delivery ${shortId(id)}</a>${reference && ` (${reference})`}
-          ${" "}from ${place(pickup)} to
-          ${" "}${Object.values(packages).map(({destination}) => place(destination)).join(", ")}</li>`)}
+          ${" "}from ${placeName(pickup)} to
+          ${" "}${Object.values(packages).map(({destination}) => placeName(destination)).join(", ")}</li>`)}
       ${requests.length > SHOWN && html`<li>and ${requests.length - SHOWN} more</li>`}
     </ul>`;
 }

@@ -1,9 +1,8 @@
 // The attempts to notify a webhook, and sending past events again.
 
-import {useEffect, useState} from "preact/hooks";
-
-import {get, post} from "../api.js";
+import {post} from "../api.js";
 import {html} from "../html.js";
+import {useReadPath} from "../use_read.js";
 import {dayText, inWords} from "../words.js";
 import {attempt} from "./messages.js";
 
@@ -25,13 +24,7 @@ function AttemptRow({each, onAgain}) {
 }
 
 export function WebhookAttempts({path}) {
-  const [attempts, setAttempts] = useState(null);
-  useEffect(() => {
-    const look = () => get(`${path}/attempts?limit=50`).then(({items}) => setAttempts(items), () => null);
-    look();
-    const timer = setInterval(look, AGAIN_MS);
-    return () => clearInterval(timer);
-  }, [path]);
+  const attempts = useReadPath(`${path}/attempts?limit=50`, {everyMs: AGAIN_MS}).answer?.items;
 
   const replay = (what) => attempt(() => post(`${path}/replay`, what), "What was found is sent again.");
   function replayDelivery(event) {

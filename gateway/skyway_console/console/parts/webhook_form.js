@@ -2,18 +2,13 @@
 
 import {html} from "../html.js";
 import {TYPES} from "./delivery_events.js";
+import {given, sending} from "./sent_form.js";
+
+const webhookOf = ({url}, values) => ({url, ...given({event_types: values.getAll("type")})});
 
 export function WebhookForm({onMake}) {
-  async function make(event) {
-    event.preventDefault();
-    const form = event.target;
-    const values = new FormData(form);
-    const types = values.getAll("type");
-    const wanted = {url: values.get("url").trim(), ...(types.length ? {event_types: types} : {})};
-    if (await onMake(wanted)) form.reset();
-  }
   return html`
-    <form class="fields" aria-label="New webhook" onSubmit=${make}>
+    <form class="fields" aria-label="New webhook" onSubmit=${sending(webhookOf, onMake)}>
       <label>URL<input name="url" type="url" required maxlength="2000"
         placeholder="https://shop.example/skyway" /></label>
       <details>

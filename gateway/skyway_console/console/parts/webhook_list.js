@@ -1,9 +1,10 @@
 // A customer's webhooks: their state and attempts, a test, another secret, and adding one.
 
-import {useEffect, useState} from "preact/hooks";
+import {useState} from "preact/hooks";
 
 import {all, call, part, post} from "../api.js";
 import {html} from "../html.js";
+import {useRead} from "../use_read.js";
 import {inWords} from "../words.js";
 import {attempt, say} from "./messages.js";
 import {SecretBox} from "./secret_box.js";
@@ -42,11 +43,9 @@ function Webhook({webhook, isOpen, onOpen, onChange, onSecret}) {
 }
 
 export function WebhookList() {
-  const [webhooks, setWebhooks] = useState([]);
+  const {answer: webhooks, problem, again: read} = useRead(() => all("/v1/webhooks"));
   const [open, setOpen] = useState(null);
   const [issued, setIssued] = useState(null);
-  const read = () => attempt(async () => setWebhooks(await all("/v1/webhooks")));
-  useEffect(() => void read(), []);
 
   async function make(wanted) {
     const isMade = await attempt(async () => setIssued(await post("/v1/webhooks", wanted)));
@@ -56,14 +55,15 @@ export function WebhookList() {
 
   return html`
     <h2>Webhooks</h2>
+    ${problem && html`<p class="refused" role="alert">${problem}</p>`}
     <div class="table"><table class="as-cards" aria-label="Webhooks">
       <thead><tr><th>URL</th><th>Events</th><th>State</th><th>Commands</th></tr></thead>
       <tbody>
-        ${webhooks.map((each) => html`
+        ${webhooks?.map((each) => html`
           <${Webhook} key=${each.webhook_id} webhook=${each} isOpen=${open === each.webhook_id}
             onOpen=${() => setOpen(open === each.webhook_id ? null : each.webhook_id)}
             onChange=${read} onSecret=${setIssued} />`)}
-        ${webhooks.length === 0 && html`<tr><td colspan="4">No webhook. Add one below: your shop hears of each delivery by itself then.</td></tr>`}
+        ${webhooks?.length === 0 && html`<tr><td colspan="4">No webhook. Add one below: your shop hears of each delivery by itself then.</td></tr>`}
       </tbody>
     </table></div>
     ${issued && html`<${SecretBox} title="The signing secret" secrets=${[["Secret", issued.secret]]}

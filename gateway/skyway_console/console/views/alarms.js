@@ -1,19 +1,18 @@
 // Open alarms, the newest first, and what is closed; operators acknowledge and open again.
 
-import {useEffect} from "preact/hooks";
-
 import {part, post} from "../api.js";
 import {closureTimes, hasBegun} from "../closed.js";
 import {droneName} from "../drone_names.js";
 import {html} from "../html.js";
 import {alarmSound, openAlarms, picture} from "../live.js";
-import {usePolledPath} from "../polled.js";
 import {pathTo} from "../routes.js";
 import {isOperator} from "../session.js";
 import {StateText} from "../state_words.js";
+import {useReadPath} from "../use_read.js";
 import {distanceText, inWords, momentText, shortId, stationName, zonedText} from "../words.js";
 import {STOP_MOMENTS, askToClose, askToOpen, closureName} from "../parts/closures.js";
 import {confirm} from "../parts/confirm_dialog.js";
+import {Table} from "../parts/table.js";
 
 const AGAIN_MS = 60_000;
 
@@ -33,18 +32,14 @@ function about({drone_id: drone, mission_id: mission, station_id: station}) {
     ${station && html`<a href=${pathTo("map", "station", station)}>${stationName(station)}</a>`}`;
 }
 
-function Alarm({alarm}) {
-  const {alarm_id, level, code, detail, at} = alarm;
-  return html`
-    <tr data-alarm=${alarm_id}>
-      <td data-label="Level"><span class="tag ${level}"><${StateText} kind="alarmLevel" of=${level} /></span></td>
-      <td class="title"><strong>${inWords(code)}</strong><br />${detail}</td>
-      <td data-label="About">${about(alarm)}</td>
-      <td data-label="When" title=${zonedText(at)}>${distanceText(at)}</td>
-      ${isOperator() && html`
-        <td><button onClick=${() => askToAcknowledge(alarm_id, alarm)}>Acknowledge</button></td>`}
-    </tr>`;
-}
+const COLUMNS = [
+  ["Level", ({level}) => html`<span class="tag ${level}"><${StateText} kind="alarmLevel" of=${level} /></span>`],
+  ["What", ({code, detail}) => html`<strong>${inWords(code)}</strong><br />${detail}`, "title"],
+  ["About", about],
+  ["When", ({at}) => html`<span title=${zonedText(at)}>${distanceText(at)}</span>`],
+];
+const ACKNOWLEDGE = ["Acknowledge",
+  (alarm) => html`<button onClick=${() => askToAcknowledge(alarm.alarm_id, alarm)}>Acknowledge</button>`, "act"];
 
 function ClosureList({title, empty, closures}) {
   return html`
@@ -77,9 +72,9 @@ function Closures() {
 }
 
 function Acknowledged() {
-  const {answer, again} = usePolledPath("/v1/alarms?state=ACKNOWLEDGED&limit=20", AGAIN_MS);
   // Read again when an alarm comes or goes.
-  useEffect(() => void again(), [openAlarms.value.length]);
+  const {answer} = useReadPath("/v1/alarms?state=ACKNOWLEDGED&limit=20",
+    {changed: openAlarms.value.length, everyMs: AGAIN_MS});
   const items = answer?.items ?? [];
   return html`
     <h2>Acknowledged</h2>
@@ -99,15 +94,10 @@ export function AlarmsView() {
       <h1>Alarms</h1>
       <label class="check"><input type="checkbox" checked=${alarmSound.value}
         onChange=${({target}) => (alarmSound.value = target.checked)} /> Sound at new alarms, also when this tab is hidden</label>
-      <div class="table feeds-missions"><table class="as-cards" aria-label="Open alarms">
-        <thead><tr><th>Level</th><th>What</th><th>About</th><th>When</th>
-          ${isOperator() && html`<th>Acknowledge</th>`}</tr></thead>
-        <tbody>
-          ${openAlarms.value.map((alarm) => html`<${Alarm} key=${alarm.alarm_id} alarm=${alarm} />`)}
-          ${openAlarms.value.length === 0 && html`<tr><td colspan="5">No open alarm. An alarm comes here as soon
-            as a drone or a delivery needs somebody.</td></tr>`}
-        </tbody>
-      </table></div>
+      <${Table} label="Open alarms" feeds="feeds-missions" items=${openAlarms.value}
+        columns=${isOperator() ? [...COLUMNS, ACKNOWLEDGE] : COLUMNS}
+        row=${({alarm_id: id}) => ({key: id, "data-alarm": id})}
+        empty="No open alarm. An alarm comes here as soon as a drone or a delivery needs somebody." />
       <div class="columns">
         <section><${Closures} /></section>
         <section><${Acknowledged} /></section>

@@ -6,40 +6,23 @@ import {all, get, post} from "../api.js";
 import {WORDS} from "../desk_words.js";
 import {html} from "../html.js";
 import {stationsOf} from "../map/features.js";
-import {listNetworks, networkContent, networks, showNetwork, shownNetwork} from "../networks.js";
-import {openView} from "../routes.js";
+import {networks, showNetwork, shownNetwork} from "../networks.js";
+import {useNetwork} from "../use_network.js";
+import {useRead} from "../use_read.js";
 import {stationName} from "../words.js";
 import {attempt} from "../parts/messages.js";
 import {OfferCards} from "../parts/offer_cards.js";
 import {PlaceFinder} from "../parts/place_finder.js";
-import {beginAgain, people, quoteRequest, suggestPickup} from "../parts/request_draft.js";
+import {beginAgain, quoteRequest, requestDelivery, suggestPickup} from "../parts/request_draft.js";
 import {RequestForm} from "../parts/request_form.js";
 import {RequestMap} from "../parts/request_map.js";
 import {ServiceStatus} from "../parts/service_status.js";
-
-// The content of the network that is shown, here and on the map of the fleet.
-function useNetwork() {
-  const [network, setNetwork] = useState(null);
-  const [problem, setProblem] = useState("");
-  const networkId = shownNetwork.value;
-  const fail = (refusal) => setProblem(refusal.message);
-  useEffect(() => {
-    listNetworks().catch(fail);
-  }, []);
-  useEffect(() => {
-    if (networkId) networkContent(networkId).then(setNetwork, fail);
-  }, [networkId]);
-  return {network, problem};
-}
+import {useBusy} from "../parts/use_busy.js";
 
 // Names of providers by their ids; customers see each provider's card.
-function useNames() {
-  const [names, setNames] = useState({});
-  useEffect(() => {
-    all("/v1/providers").then((items) => setNames(
-      Object.fromEntries(items.map(({provider_id, name}) => [provider_id, name]))), () => null);
-  }, []);
-  return names;
+async function readNames() {
+  const providers = await all("/v1/providers");
+  return Object.fromEntries(providers.map(({provider_id, name}) => [provider_id, name]));
 }
 
 // A shop sends from the same place as last time, as a rule.
@@ -69,32 +52,24 @@ const NetworkChoice = () => html`
 
 export function CustomerView() {
   const {network, problem} = useNetwork();
-  const names = useNames();
+  const names = useRead(readNames).answer ?? {};
   usePickup(network);
   const [quote, setQuote] = useState(null);
   const [refused, setRefused] = useState("");
-  const [isBusy, setBusy] = useState(false);
+  const [isBusy, busy] = useBusy();
 
-  async function ask() {
-    setBusy(true);
+  const ask = () => busy(async () => {
     setRefused("");
     setQuote(await post("/v1/quotes", quoteRequest()).catch((refusal) => {
       setRefused(refusal.message);
       return null;
     }));
-    setBusy(false);
-  }
+  });
 
   // A delivery without an offer can join the trip of another one; an accepted offer cannot.
-  async function request() {
-    setBusy(true);
-    await attempt(async () => {
-      const {hold, ...asked} = quoteRequest();
-      const {delivery_id} = await post("/v1/deliveries", {...asked, ...people()});
-      beginAgain();
-      openView("deliveries", delivery_id);
-    }, "The delivery is requested.");
-    setBusy(false);
+  function request() {
+    const {hold, ...asked} = quoteRequest();
+    return busy(() => attempt(() => requestDelivery(asked), "The delivery is requested."));
   }
 
   if (!network) {

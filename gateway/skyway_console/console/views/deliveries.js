@@ -1,34 +1,22 @@
 // Deliveries: a list with promise against ETA, and one delivery with all that happened to it.
 
-import {useEffect, useRef, useState} from "preact/hooks";
+import {useState} from "preact/hooks";
 
-import {get, part} from "../api.js";
+import {firstOf, part} from "../api.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {openView, pathTo} from "../routes.js";
 import {DeliveryStateText, stateName, statesOf} from "../state_words.js";
-import {momentText, shortId, stationName} from "../words.js";
+import {useRead} from "../use_read.js";
+import {momentText, placeName, shortId} from "../words.js";
 import {againstPromise, isLate} from "../parts/delivery_packages.js";
 import {DeliveryPage} from "../parts/delivery_page.js";
+import {Table} from "../parts/table.js";
 
 // So many deliveries are shown at first, and so many more each time.
 const PAGE = 50;
-const MOST_OF_A_PAGE = 200;
-
-// The first deliveries of a list: as many as are wanted.
-async function firstOf(path, wanted) {
-  let [items, cursor] = [[], null];
-  do {
-    const limit = Math.min(MOST_OF_A_PAGE, wanted - items.length);
-    const next = await get(`${path}&limit=${limit}${cursor ? `&cursor=${part(cursor)}` : ""}`);
-    [items, cursor] = [[...items, ...next.items], next.next_cursor];
-  } while (cursor && items.length < wanted);
-  return {items, hasMore: Boolean(cursor)};
-}
 
 function useDeliveries(state, reference) {
-  const [page, setPage] = useState({items: [], hasMore: false});
-  const [problem, setProblem] = useState("");
   const path = `/v1/deliveries?${new URLSearchParams({
     ...(state ? {state} : {}), ...(reference ? {reference} : {}),
   })}`;
@@ -36,21 +24,8 @@ function useDeliveries(state, reference) {
   const rows = asked.path === path ? asked.rows : PAGE;
   // The list is read again when a delivery comes or goes; the live picture updates the rows.
   const open = Object.keys(picture.deliveries.value).sort().join();
-  // An answer is shown unless the answer to a later question is.
-  const [turn, shown] = [useRef(0), useRef({path, turn: 0})];
-  if (shown.current.path !== path) shown.current = {path, turn: turn.current};
-  useEffect(() => {
-    const own = (turn.current += 1);
-    const show = (action) => {
-      if (own <= shown.current.turn || shown.current.path !== path) return;
-      shown.current = {path, turn: own};
-      action();
-    };
-    firstOf(path, rows).then(
-      (read) => show(() => (setPage(read), setProblem(""))),
-      (refusal) => show(() => setProblem(refusal.message)));
-  }, [path, rows, open]);
-  return {page, problem, more: () => ask({path, rows: rows + PAGE})};
+  const {answer, problem} = useRead(() => firstOf(path, rows), {changed: `${path} ${rows} ${open}`});
+  return {page: answer ?? {items: [], hasMore: false}, problem, more: () => ask({path, rows: rows + PAGE})};
 }
 
 // What can be found in the rows that are read.
@@ -64,10 +39,9 @@ function found(items, text) {
 
 // A delivery of the list as the live picture shows it now.
 function upToDate(delivery) {
-  const live = picture.deliveries.value[delivery.delivery_id];
-  if (!live) return delivery;
-  const packages = delivery.packages.map((each) => ({...each, ...live.packages[each.package_id]}));
-  return {...delivery, state: live.state, activity: live.activity, packages};
+  const {state, activity, packages: changed} = picture.deliveries.value[delivery.delivery_id] ?? delivery;
+  const packages = delivery.packages.map((each) => ({...each, ...changed[each.package_id]}));
+  return {...delivery, state, activity, packages, last: lastOf(packages)};
 }
 
 // The package that comes last says how the delivery stands.
@@ -76,27 +50,26 @@ const lastOf = (packages) => [...packages].sort((one, other) =>
 
 const recipientOf = ({recipient, packages}) => recipient?.name ?? packages.find((each) => each.recipient)?.recipient.name;
 
-function Row({delivery}) {
-  const shown = upToDate(delivery);
-  const {delivery_id: id, reference, customer_id: customer, state, activity, pickup, packages} = shown;
-  const last = lastOf(packages);
-  const expected = last?.delivered_at ?? last?.eta_at;
-  const places = [...new Set(packages.map(({destination}) => placeName(destination ?? {})))];
-  return html`
-    <tr class=${packages.some(isLate) ? "late" : ""}>
-      <th scope="row"><a href=${pathTo("deliveries", id)}>${reference || recipientOf(shown) || `Delivery ${shortId(id)}`}</a>
-        ${(reference || recipientOf(shown)) && html`<br /><small>${shortId(id)}</small>`}</th>
-      <td data-label="Customer">${customer}</td>
-      <td data-label="State"><span class="state-dot ${state}"></span><${DeliveryStateText} state=${state} activity=${activity} /></td>
-      <td data-label="Way">${placeName(pickup)} → ${places.join(", ")}</td>
-      <td data-label="Packages">${packages.length}</td>
-      <td data-label="Promised">${last?.due_at ? momentText(last.due_at) : ""}</td>
-      <td data-label="Expected" class="eta">${expected ? momentText(expected) : ""}
-        ${last && html`<br /><small>${againstPromise(last)}</small>`}</td>
-    </tr>`;
-}
+const nameOf = (shown) => shown.reference || recipientOf(shown);
 
-const placeName = (place) => (place.station_id ? stationName(place.station_id) : "a place on the map");
+const COLUMNS = [
+  ["Delivery", (each) => html`
+    <a href=${pathTo("deliveries", each.delivery_id)}>${nameOf(each) || `Delivery ${shortId(each.delivery_id)}`}</a>
+    ${nameOf(each) && html`<br /><small>${shortId(each.delivery_id)}</small>`}`, "head"],
+  ["Customer", ({customer_id: customer}) => customer],
+  ["State", ({state, activity}) => html`
+    <span class="state-dot ${state}"></span><${DeliveryStateText} state=${state} activity=${activity} />`],
+  ["Way", ({pickup, packages}) => {
+    const places = new Set(packages.map(({destination}) => placeName(destination ?? {})));
+    return `${placeName(pickup)} → ${[...places].join(", ")}`;
+  }],
+  ["Packages", ({packages}) => packages.length],
+  ["Promised", ({last}) => (last?.due_at ? momentText(last.due_at) : "")],
+  ["Expected", ({last}) => {
+    const expected = last?.delivered_at ?? last?.eta_at;
+    return html`${expected ? momentText(expected) : ""}${last && html`<br /><small>${againstPromise(last)}</small>`}`;
+  }, "eta"],
+];
 
 function DeliveryList() {
   const [state, setState] = useState("");
@@ -126,14 +99,9 @@ function DeliveryList() {
         <form class="row" onSubmit=${open}><label>Id<input name="delivery" placeholder="dlv_…" /></label></form>
       </div>
       ${problem && html`<p class="refused">${problem}</p>`}
-      <div class="table"><table class="as-cards" aria-label="Deliveries">
-        <thead><tr><th>Delivery</th><th>Customer</th><th>State</th><th>Way</th>
-          <th>Packages</th><th>Promised</th><th>Expected</th></tr></thead>
-        <tbody>
-          ${rows.map((delivery) => html`<${Row} key=${delivery.delivery_id} delivery=${delivery} />`)}
-          ${rows.length === 0 && html`<tr><td colspan="7">No delivery. Requests stand here as soon as somebody makes one.</td></tr>`}
-        </tbody>
-      </table></div>
+      <${Table} label="Deliveries" items=${rows.map(upToDate)} columns=${COLUMNS}
+        row=${({delivery_id: id, packages}) => ({key: id, class: packages.some(isLate) ? "late" : ""})}
+        empty="No delivery. Requests stand here as soon as somebody makes one." />
       ${text && page.hasMore && html`<p class="hint">${rows.length} of the ${page.items.length} newest
         deliveries. Older ones are searched when they are shown.</p>`}
       ${page.hasMore && html`<button onClick=${more}>Show more</button>`}

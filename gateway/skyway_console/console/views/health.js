@@ -4,11 +4,12 @@ import {useRef} from "preact/hooks";
 
 import {get} from "../api.js";
 import {html} from "../html.js";
-import {usePolled} from "../polled.js";
+import {useRead} from "../use_read.js";
 import {dayText, durationText, inWords} from "../words.js";
 import {Facts} from "../parts/facts.js";
 import {failures, queues, rateBetween, sumOf} from "../parts/figures.js";
 import {Promises} from "../parts/promises.js";
+import {Table} from "../parts/table.js";
 
 const EVERY_MS = 2_000;
 
@@ -50,19 +51,15 @@ function Service({service, before, elapsedS}) {
     </article>`;
 }
 
+const SERVICE = ["Service", ({service}) => inWords(service)];
+
 const Queues = ({services}) => html`
   <h2>Queues</h2>
-  <div class="table"><table class="as-cards" aria-label="Queues">
-    <thead><tr><th>Service</th><th>What waits</th><th>How much</th><th>For how long</th></tr></thead>
-    <tbody>
-      ${queues(services).map(({service, name, depth, ageS}) => html`
-        <tr key=${`${service} ${name}`}>
-          <td data-label="Service">${inWords(service)}</td><td data-label="What waits">${name}</td>
-          <td class="number" data-label="How much">${depth}</td>
-          <td class="number" data-label="For how long">${ageS === null ? "" : durationText(ageS)}</td>
-        </tr>`)}
-    </tbody>
-  </table></div>`;
+  <${Table} label="Queues" items=${queues(services)} columns=${[
+    SERVICE, ["What waits", ({name}) => name],
+    ["How much", ({depth}) => depth, "number"],
+    ["For how long", ({ageS}) => (ageS === null ? "" : durationText(ageS)), "number"],
+  ]} />`;
 
 function LastErrors({services}) {
   const found = services
@@ -71,35 +68,23 @@ function LastErrors({services}) {
   return html`
     <h2>Last errors and warnings</h2>
     ${found.length === 0 ? html`<p>None since the start.</p>` : html`
-      <div class="table"><table class="as-cards" aria-label="Last errors and warnings">
-        <thead><tr><th>When</th><th>Service</th><th>What</th><th>How often</th></tr></thead>
-        <tbody>
-          ${found.map(({service, wall_at: at, level, event, reason, times, trace_id: trace}) => html`
-            <tr key=${`${service} ${event}`}>
-              <td data-label="When">${dayText(at)}</td><td data-label="Service">${inWords(service)}</td>
-              <td class="wide-cell"><span class="tag ${level}">${inWords(level)}</span> ${event}
-                ${reason && html`<br /><small>${reason}</small>`}
-                ${trace && html`<br /><small>trace ${trace}</small>`}</td>
-              <td class="number" data-label="How often">${times}</td>
-            </tr>`)}
-        </tbody>
-      </table></div>`}`;
+      <${Table} label="Last errors and warnings" items=${found} columns=${[
+        ["When", ({wall_at: at}) => dayText(at)], SERVICE,
+        ["What", ({level, event, reason, trace_id: trace}) => html`
+          <span class="tag ${level}">${inWords(level)}</span> ${event}
+          ${reason && html`<br /><small>${reason}</small>`}
+          ${trace && html`<br /><small>trace ${trace}</small>`}`, "wide-cell"],
+        ["How often", ({times}) => times, "number"],
+      ]} />`}`;
 }
 
 function Failures({services}) {
   const found = failures(services);
   return found.length > 0 && html`
     <h2>Counted failures</h2>
-    <div class="table"><table class="as-cards" aria-label="Counted failures">
-      <thead><tr><th>Service</th><th>What</th><th>How often</th></tr></thead>
-      <tbody>
-        ${found.map(({service, name, count}) => html`
-          <tr key=${`${service} ${name}`}>
-            <td data-label="Service">${inWords(service)}</td><td data-label="What">${name}</td>
-            <td class="number" data-label="How often">${count}</td>
-          </tr>`)}
-      </tbody>
-    </table></div>`;
+    <${Table} label="Counted failures" items=${found} columns=${[
+      SERVICE, ["What", ({name}) => name], ["How often", ({count}) => count, "number"],
+    ]} />`;
 }
 
 export function HealthView() {
@@ -110,7 +95,7 @@ export function HealthView() {
     looks.current = [{at: performance.now(), services}, looks.current[0]];
     return looks.current;
   };
-  const {answer, problem} = usePolled(look, EVERY_MS, "system");
+  const {answer, problem} = useRead(look, {everyMs: EVERY_MS});
   const [now, last] = answer ?? [];
   if (!now) return html`<div class="page"><p>${problem || "Reading…"}</p></div>`;
   const elapsedS = last ? (now.at - last.at) / 1000 : null;

@@ -1,16 +1,16 @@
 // A provider's fleet: drones and enrolment, the loading desk, earnings, and exchanges with others.
 
-import {useEffect, useState} from "preact/hooks";
+import {useState} from "preact/hooks";
 
 import {all} from "../api.js";
 import {html} from "../html.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
+import {useRead} from "../use_read.js";
 import {Earnings} from "../parts/earnings.js";
 import {Exchanges} from "../parts/exchanges.js";
 import {FleetDrones} from "../parts/fleet_drones.js";
 import {LoadingDesk} from "../parts/loading_desk.js";
-import {attempt} from "../parts/messages.js";
 
 // By the second part of the address.
 const TABS = {
@@ -20,20 +20,6 @@ const TABS = {
   exchanges: {part: Exchanges, name: "Exchanges"},
 };
 
-// Null while an operator has no provider to choose.
-function useProvider() {
-  const [providers, setProviders] = useState(null);
-  const [chosen, choose] = useState(isOperator() ? null : session.value.subject_id);
-  useEffect(() => {
-    attempt(async () => {
-      const items = await all("/v1/providers");
-      setProviders(items);
-      if (isOperator()) choose(items[0]?.provider_id ?? null);
-    });
-  }, []);
-  return {providers, chosen, choose};
-}
-
 function ProviderChoice({providers, chosen, onChoose}) {
   return html`
     <label>Provider<select value=${chosen} onChange=${({target}) => onChoose(target.value)}>
@@ -42,7 +28,9 @@ function ProviderChoice({providers, chosen, onChoose}) {
 }
 
 export function ProviderView({parts: [wanted]}) {
-  const {providers, chosen, choose} = useProvider();
+  const {answer: providers, problem} = useRead(() => all("/v1/providers"));
+  const [choice, choose] = useState(isOperator() ? null : session.value.subject_id);
+  const chosen = choice ?? providers?.[0]?.provider_id;
   const open = wanted in TABS ? wanted : "drones";
   const name = providers?.find(({provider_id}) => provider_id === chosen)?.name;
   return html`
@@ -56,6 +44,7 @@ export function ProviderView({parts: [wanted]}) {
             <a href=${pathTo("fleet", each)} aria-current=${each === open ? "page" : undefined}>${text}</a>`)}
         </nav>
       </div>
+      ${problem && html`<p class="refused" role="alert">${problem}</p>`}
       ${providers?.length === 0 && html`<p>No provider is registered yet.</p>`}
       ${chosen && html`<${TABS[open].part} key=${chosen} providerId=${chosen} />`}
     </div>`;

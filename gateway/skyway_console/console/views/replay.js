@@ -3,43 +3,23 @@
 
 import {useEffect, useRef, useState} from "preact/hooks";
 
-import {all} from "../api.js";
+import {all, spanQuery} from "../api.js";
 import {droneName} from "../drone_names.js";
 import {fleetNow} from "../fleet_clock.js";
 import {html} from "../html.js";
-import {FleetMap} from "../map/fleet_map.js";
+import {useFleetMap} from "../map/use_fleet_map.js";
 import {isNarrow} from "../narrow.js";
-import {listNetworks, networkContent, shownNetwork} from "../networks.js";
+import {useNetwork} from "../use_network.js";
+import {useRead} from "../use_read.js";
 import {dronesAt, readRecord} from "../parts/flight_record.js";
 import {attempt} from "../parts/messages.js";
-import {closuresAt, missionAt, readClosures, readPlans, spanOf} from "../parts/past_plans.js";
+import {closuresAt, missionAt, readClosures, readPlans} from "../parts/past_plans.js";
 import {eventsOf} from "../parts/replay_events.js";
 import {ReplayPlayer, exactTime, keysOf} from "../parts/replay_player.js";
 
 const HOUR_MS = 3_600_000;
 const STEP_MS = 100;
 const MOST_ALARMS = 500;
-
-// The map, and whether the network is on it.
-function useMap(container, onDrone) {
-  const map = useRef(null);
-  const [isShown, setShown] = useState(false);
-  useEffect(() => {
-    const made = new FleetMap(container.current, ({droneId}) => onDrone(droneId ?? null));
-    map.current = made;
-    container.current.fleetMap = made;
-    attempt(async () => {
-      await listNetworks();
-      if (shownNetwork.value === null) return;
-      const content = await networkContent(shownNetwork.value);
-      await made.isReady;
-      made.showNetwork(content);
-      setShown(true);
-    });
-    return () => made.remove();
-  }, []);
-  return [map, isShown];
-}
 
 // The moment that is shown; it runs while `isPlaying`.
 function usePlayer(span, isPlaying, speed) {
@@ -56,7 +36,7 @@ function usePlayer(span, isPlaying, speed) {
 }
 
 // The alarms of the span, the oldest first.
-const alarmsOf = async (span) => (await all(`/v1/alarms?${spanOf(span)}`, MOST_ALARMS)).reverse();
+const alarmsOf = async (span) => (await all(`/v1/alarms?${spanQuery(span.from, span.until)}`, MOST_ALARMS)).reverse();
 
 const NOTHING = {record: new Map(), alarms: [], closures: []};
 
@@ -79,22 +59,11 @@ function useRecord(span) {
   return read;
 }
 
+const NO_PLANS = [];
+
 // The plans of the chosen drone in the span.
-function usePlans(droneId, span) {
-  const [plans, setPlans] = useState([]);
-  useEffect(() => {
-    let isGone = false;
-    setPlans([]);
-    if (droneId !== null) {
-      attempt(async () => {
-        const found = await readPlans(droneId, span);
-        if (!isGone) setPlans(found);
-      });
-    }
-    return () => (isGone = true);
-  }, [droneId, span.from, span.until]);
-  return plans;
-}
+const usePlans = (droneId, span) => useRead(
+  async () => (droneId === null ? [] : readPlans(droneId, span)), {key: `${droneId} ${span.from}`});
 
 const Chosen = ({droneId, onAll}) => html`
   <p class="chosen">${droneId
@@ -124,17 +93,18 @@ function spanFrom(from) {
 }
 
 export function ReplayView({parts: [fromText, chosen]}) {
-  const container = useRef(null);
   const view = useRef(null);
   const [droneId, setDrone] = useState(chosen ?? null);
-  const [map, isShown] = useMap(container, setDrone);
+  const {network, problem: noNetwork} = useNetwork();
+  const {map, element, shown} = useFleetMap({onClick: ({droneId: clicked}) => setDrone(clicked ?? null), network});
   const [span, setSpan] = useState(() => spanFrom(Date.parse(fromText)));
   const [isPlaying, setPlaying] = useState(false);
   const [speed, setSpeed] = useState(60);
   const {text, ...past} = useRecord(span);
   const {record, closures} = past;
   const [atMs, setAt] = usePlayer(span, isPlaying, speed);
-  const plans = usePlans(droneId, span);
+  const {answer, problem} = usePlans(droneId, span);
+  const plans = answer ?? NO_PLANS;
   const drones = dronesAt(record, atMs);
   const closed = closuresAt(closures, atMs);
   const events = eventsOf(past, plans, droneId, span);
@@ -142,17 +112,17 @@ export function ReplayView({parts: [fromText, chosen]}) {
   useEffect(() => map.current.drones.show(drones), [record, atMs]);
   useEffect(() => map.current.drones.select(droneId), [droneId]);
   useEffect(() => map.current.showPlan(missionAt(plans, atMs), drones[droneId]), [plans, record, atMs]);
-  useEffect(() => map.current.showStations({}, closed), [isShown, Object.keys(closed).join()]);
+  useEffect(() => map.current.showStations({}, closed), [shown, Object.keys(closed).join()]);
   // Keys work as soon as the view is open.
   useEffect(() => view.current.focus(), []);
   return html`
     <div class="replay-view" ref=${view} tabindex="-1" onKeyDown=${keysOf(player)}>
-      <h1 class="hidden">Replay</h1>
-      <${ReplayPlayer} ...${player} text=${text} onSpan=${(from) => setSpan(spanFrom(from))} speed=${speed}
+      <h1 class="unseen">Replay</h1>
+      <${ReplayPlayer} ...${player} text=${noNetwork || problem || text} onSpan=${(from) => setSpan(spanFrom(from))} speed=${speed}
         onSpeed=${setSpeed}><${Chosen} droneId=${droneId} onAll=${() => setDrone(null)} /></${ReplayPlayer}>
       <div class="replay-body">
         <div class="map-view">
-          <div class="map" ref=${container} role="application" aria-label="Map of a past hour"></div>
+          ${element("Map of a past hour")}
         </div>
         <${Happenings} events=${events} atMs=${atMs} onAt=${setAt} />
       </div>

@@ -1,13 +1,14 @@
 // The schedule: drones or pads against time, what is booked on them, where the gaps are, and which plans have
 // changed. On a phone it is a list of the next trips of each drone.
 
-import {useEffect, useState} from "preact/hooks";
+import {useState} from "preact/hooks";
 
 import {fleetNow} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {isNarrow} from "../narrow.js";
 import {isOperator} from "../session.js";
+import {useRead} from "../use_read.js";
 import {zoneName} from "../words.js";
 import {Calendar, moved, zoomed} from "../parts/calendar.js";
 import {PlanChanges} from "../parts/plan_changes.js";
@@ -20,24 +21,12 @@ const HOUR_MS = 3_600_000;
 
 const READERS = {drones: readDrones, pads: readPads};
 
-function useRows(of, span) {
-  const [rows, setRows] = useState(null);
-  const [problem, setProblem] = useState("");
+function useRows(of, {from, to}) {
   // The live picture names the packages, so the rows are made again when it has come.
   const hasPicture = Object.keys(picture.missions.value).length > 0;
-  useEffect(() => {
-    let isGone = false;
-    const look = () => READERS[of](span).then(
-      (read) => isGone || (setRows(read), setProblem("")),
-      (refusal) => isGone || setProblem(refusal.message));
-    look();
-    const timer = setInterval(look, AGAIN_MS);
-    return () => {
-      isGone = true;
-      clearInterval(timer);
-    };
-  }, [of, span.from, span.to, hasPicture]);
-  return {rows, problem};
+  const {answer, problem} = useRead(() => READERS[of]({from, to}),
+    {changed: `${of} ${from} ${to} ${hasPicture}`, everyMs: AGAIN_MS});
+  return {rows: answer, problem};
 }
 
 const firstSpan = () => ({from: fleetNow() - HOUR_MS, to: fleetNow() + 3 * HOUR_MS});

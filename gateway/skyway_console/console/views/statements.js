@@ -1,7 +1,6 @@
 // Statements of a month: what customers pay and providers get, and the lines that they sum up.
 
 import {signal} from "@preact/signals";
-import {useEffect, useState} from "preact/hooks";
 
 import {get, part, saveCsv} from "../api.js";
 import {WORDS} from "../desk_words.js";
@@ -9,9 +8,11 @@ import {fleetNow} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {pathTo} from "../routes.js";
 import {session} from "../session.js";
+import {useRead} from "../use_read.js";
 import {dayText, inWords, money, momentText, shortId} from "../words.js";
 import {Earned} from "../parts/earned.js";
 import {attempt} from "../parts/messages.js";
+import {Table} from "../parts/table.js";
 
 const TEXTS = WORDS.statements;
 const PATH = "/v1/statements";
@@ -19,20 +20,10 @@ const PATH = "/v1/statements";
 // It outlives the view. Empty: the present month.
 const chosenMonth = signal("");
 
-function useMonth(month) {
-  const [found, setFound] = useState(null);
-  const [problem, setProblem] = useState("");
-  useEffect(() => {
-    let isOld = false;
-    setFound(null);
-    setProblem("");
-    const read = (path) => get(`${path}?month=${part(month)}&limit=200`);
-    Promise.all([read(PATH), read(`${PATH}/lines`)]).then(
-      ([statements, lines]) => isOld || setFound({statements, lines}),
-      (refusal) => isOld || setProblem(refusal.message));
-    return () => (isOld = true);
-  }, [month]);
-  return {found, problem};
+async function readMonth(month) {
+  const read = (path) => get(`${path}?month=${part(month)}&limit=200`);
+  const [statements, lines] = await Promise.all([read(PATH), read(`${PATH}/lines`)]);
+  return {statements, lines};
 }
 
 function Statement({of: {role, party_id: party, currency, amount, items, deliveries, lines, closed_at: closedAt}}) {
@@ -52,20 +43,19 @@ function Statement({of: {role, party_id: party, currency, amount, items, deliver
 const deliveryOf = (id) => (session.value.role === "provider"
   ? shortId(id) : html`<a href=${pathTo("deliveries", id)}>${shortId(id)}</a>`);
 
+const LINE_COLUMNS = [
+  ["Written", ({at}) => momentText(at), "title"],
+  ["Delivery", ({delivery_id: id}) => deliveryOf(id)],
+  ["Mission", ({mission_id: id}) => shortId(id)],
+  ["Kind", ({kind}) => inWords(kind)],
+  ["Amount", money, "number"],
+  ["Why", ({note}) => note],
+];
+
 const Lines = ({of: {items, next_cursor: more}}) => html`
   <h2>${TEXTS.lines}</h2>
-  <div class="table"><table class="as-cards" aria-label=${TEXTS.lines}>
-    <thead><tr><th>Written</th><th>Delivery</th><th>Mission</th><th>Kind</th><th>Amount</th><th>Why</th></tr></thead>
-    <tbody>${items.map((line) => html`
-      <tr key=${line.mission_id + line.number}>
-        <td class="title">${momentText(line.at)}</td>
-        <td data-label="Delivery">${deliveryOf(line.delivery_id)}</td>
-        <td data-label="Mission">${shortId(line.mission_id)}</td>
-        <td data-label="Kind">${inWords(line.kind)}</td>
-        <td class="number" data-label="Amount">${money(line)}</td>
-        <td data-label="Why">${line.note}</td>
-      </tr>`)}</tbody>
-  </table></div>
+  <${Table} label=${TEXTS.lines} items=${items} columns=${LINE_COLUMNS}
+    row=${(line) => ({key: line.mission_id + line.number})} />
   ${more && html`<p>${TEXTS.more}</p>`}`;
 
 const Month = ({month, found}) => html`
@@ -83,7 +73,7 @@ const Month = ({month, found}) => html`
 
 export function StatementsView() {
   const month = chosenMonth.value || new Date(fleetNow()).toISOString().slice(0, 7);
-  const {found, problem} = useMonth(month);
+  const {answer: found, problem} = useRead(() => readMonth(month), {key: month});
   return html`
     <div class="page">
       <h1>Statements</h1>
