@@ -101,9 +101,7 @@ def test_the_timeline_is_planned_against_real_with_the_reasons(story: StagedPage
     expect(rows.nth(0)).to_contain_text("12:01, on time")
     expect(rows.nth(1)).to_contain_text("lands 12:03")
     expect(rows.nth(1)).to_contain_text("12:06, 3 min late")
-    expect(rows.nth(2)).to_have_text(
-        "New plan at 12:06: station closed, Moor is closed. p1 6 min later."
-    )
+    expect(rows.nth(2)).to_have_text("New plan at 12:06: Moor is closed. p1 6 min later.")
     expect(rows.nth(3)).to_contain_text("Fly to Far Hill")
     expect(page.locator(".headline")).to_contain_text("6 min later than promised")
     expect(page.get_by_role("table", name="Packages")).to_contain_text("for Ada")

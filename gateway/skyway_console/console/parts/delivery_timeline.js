@@ -49,8 +49,7 @@ function NewPlan({plan: {occurred_at: at, data}, before}) {
   const change = changeText(data.packages, before);
   return html`
     <li class="new-plan">
-      <strong>New plan at ${clockTime(at)}</strong>${data.code ? `: ${inWords(data.code).toLowerCase()}` : ""}${
-        data.detail ? `, ${data.detail}` : ""}.
+      <strong>New plan at ${clockTime(at)}</strong>: ${data.detail || inWords(data.code).toLowerCase()}.
       ${change && html` <span>${change}.</span>`}
       ${data.given_up && html` <span class="late">Given up: ${inWords(data.given_up)}.</span>`}
     </li>`;
