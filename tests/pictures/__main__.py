@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -24,7 +24,7 @@ from urllib.parse import urlsplit
 
 import httpx
 from PIL import Image
-from playwright.sync_api import Browser, Page, Response
+from playwright.sync_api import Browser, Error, Page, Response
 
 from tests.end_to_end.browser import opened_browser
 from tests.gateway.console.staged_page import LIVE
@@ -184,7 +184,9 @@ class _Recorder:
         is_json = "json" in response.headers.get("content-type", "")
         is_file = asked.path.startswith("/console/")
         if response.request.method == "GET" and response.ok and is_json and not is_file:
-            self._answers[role][question(asked.path, asked.query)] = response.json()
+            # The page may be at another address by now: then the body is gone.
+            with suppress(Error):
+                self._answers[role][question(asked.path, asked.query)] = response.json()
 
 
 def record_world() -> None:
