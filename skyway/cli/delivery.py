@@ -12,7 +12,7 @@ import typer
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.event_text import event_text
-from skyway.cli.gateway import call_gateway, fail, read_keys, trusted_roots
+from skyway.cli.gateway import call_gateway, fail, http, read_keys
 from skyway.cli.request_options import (
     CUSTOMER_KEY,
     EarliestPickupOption,
@@ -209,7 +209,7 @@ def _follow(folder: DataFolder, delivery_id: str, *, as_json: bool = False) -> N
                     if event_type in _PLAN_EVENTS and not as_json:
                         _print_proofs(console, folder, delivery_id)
                     if progress is not None:
-                        answer = httpx.get(url, headers=key, verify=trusted_roots())
+                        answer = http().get(url, headers=key, timeout=10)
                         progress.show(answer.raise_for_status().json())
             except (httpx.TransportError, httpx.HTTPStatusError) as error:
                 # The next stream continues after the last event that was printed.
@@ -239,9 +239,7 @@ def _print_events(
     import httpx
 
     timeout = httpx.Timeout(10, read=None)
-    with httpx.stream(
-        "GET", f"{url}/events", headers=headers, timeout=timeout, verify=trusted_roots()
-    ) as lines:
+    with http().stream("GET", f"{url}/events", headers=headers, timeout=timeout) as lines:
         for line in lines.iter_lines():
             name, _, value = line.partition(": ")
             if name == "id":

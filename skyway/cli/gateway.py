@@ -17,8 +17,6 @@ from skyway.cli.data_folder import DataFolder, is_starting
 from skyway.errors import SkywayError
 
 if TYPE_CHECKING:
-    import ssl
-
     import httpx
 
 _URL = "SKYWAY_GATEWAY_URL"
@@ -131,25 +129,19 @@ def open_answer(
     if accept is not None:
         headers["Accept"] = accept
     try:
-        with httpx.stream(
-            method,
-            url + path,
-            content=body,
-            headers=headers,
-            timeout=_TIMEOUT_S,
-            verify=trusted_roots(),
-        ) as answer:
+        with http().stream(method, url + path, content=body, headers=headers) as answer:
             yield answer
     except (httpx.TransportError, httpx.InvalidURL) as error:
         fail(f"no answer from {url}: {error}. Is `skyway up` running?")
 
 
 @cache
-def trusted_roots() -> "ssl.SSLContext":
-    """The certificate authorities of https gateways, loaded once: that takes 20 ms a time."""
+def http() -> "httpx.Client":
+    """The client of a command's calls; it loads certificate authorities once, which takes 20 ms."""
     import httpx
 
-    return httpx.create_ssl_context()
+    # A command may wait for hours between two calls, so no connection is kept for the next call.
+    return httpx.Client(timeout=_TIMEOUT_S, limits=httpx.Limits(max_keepalive_connections=0))
 
 
 def list_items(folder: DataFolder, path: str, **about: Any) -> Iterator[dict[str, Any]]:
@@ -283,7 +275,7 @@ class GatewayApi:
     def __init__(self, url: str) -> None:
         import httpx
 
-        self._client = httpx.AsyncClient(base_url=url, timeout=30.0, verify=trusted_roots())
+        self._client = httpx.AsyncClient(base_url=url, timeout=30.0)
 
     async def __aenter__(self) -> Self:
         await self._client.__aenter__()

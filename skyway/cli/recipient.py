@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from skyway.cli.gateway import fail, problem_of, trusted_roots
+from skyway.cli.gateway import fail, http, problem_of
 
 if TYPE_CHECKING:
     import httpx
@@ -90,7 +90,7 @@ def _ask(method: str, url: str, body: dict[str, Any] | None = None) -> "httpx.Re
     import httpx
 
     try:
-        answer = httpx.request(method, url, json=body, timeout=_TIMEOUT_S, verify=trusted_roots())
+        answer = http().request(method, url, json=body, timeout=_TIMEOUT_S)
     except (httpx.TransportError, httpx.InvalidURL, httpx.UnsupportedProtocol) as error:
         fail(f"no answer from {url}: {error}")
     if method == "GET" and not answer.is_success:
