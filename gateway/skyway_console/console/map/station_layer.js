@@ -1,5 +1,5 @@
 // Draws stations and all names that stand still on a canvas above the map. Names never overlap: first
-// the stops of the open plan, then stations by their pads, then places by their people.
+// those of markers, then the stops of the open plan, stations by their pads, and places by their people.
 
 import {addCanvas, circle, drawPicture, fitted, stroke, textWidth} from "./canvas.js";
 import {colours} from "./colours.js";
@@ -9,6 +9,8 @@ import {STATION_HALF_PX, stationPicture, stationRadius} from "./station_pictures
 
 const FONT = "system-ui, sans-serif";
 const OUTSIDE_PX = 60;
+// Half of a marker's mark.
+const MARK_PX = 8;
 // The people of the smallest places that are named, by zoom: a third of them at each zoom more.
 const leastPeople = (zoom) => 3_000_000 / 3 ** Math.max(0, zoom - 4);
 
@@ -22,6 +24,7 @@ export class StationLayer {
     this.looks = new Map();
     this.stops = new Map();
     this.guests = new Set();
+    this.markers = [];
     this.marked = null;
     // What the names leave free for the names of drones.
     this.space = new LabelSpace();
@@ -71,6 +74,12 @@ export class StationLayer {
     this.draw();
   }
 
+  // Markers on a map whose stations are not drawn, each with its name above its mark.
+  keepMarkersFree(markers) {
+    this.markers = markers;
+    this.draw();
+  }
+
   mark(stationId) {
     if (this.marked === stationId) return;
     this.marked = stationId;
@@ -98,7 +107,7 @@ export class StationLayer {
     }
     Object.assign(context, {textBaseline: "middle", lineJoin: "round", lineWidth: 3, strokeStyle: paint.halo});
     this.drawStationNames(context, seen, radius, paint);
-    const named = new Set(seen.map(({name}) => name));
+    const named = new Set([...this.nameMarkers(), ...seen.map(({name}) => name)]);
     this.drawPlaces(context, {zoom, toScreen, isInside, named}, paint);
     for (const {stationId, point} of seen) this.drawStation(context, stationId, point, radius, paint);
   }
@@ -109,6 +118,19 @@ export class StationLayer {
     if (stationId !== this.marked) return;
     circle(context, point, radius + 4);
     stroke(context, paint.selected, 2.5);
+  }
+
+  // Show the names of markers that have room; returns all names.
+  nameMarkers() {
+    const found = this.markers.map((marker) => {
+      const {x, y} = this.map.project(marker.getLngLat());
+      this.space.take([x - MARK_PX, y - MARK_PX, x + MARK_PX, y + MARK_PX]);
+      return {x, y, name: marker.getElement().firstChild};
+    });
+    for (const {x, y, name: {offsetWidth: width, offsetHeight: height, classList}} of found) {
+      if (width) classList.toggle("covered", !this.space.takeFirst([boxesAround([x, y], width, height, MARK_PX + 3)[0]]));
+    }
+    return found.map(({name}) => name.textContent);
   }
 
   drawStationNames(context, seen, radius, paint) {

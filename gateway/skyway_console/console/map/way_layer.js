@@ -39,28 +39,13 @@ function stopMarker({geometry, properties}) {
   return new Marker({element, anchor: "bottom", offset: [0, 7]}).setLngLat(near(geometry.coordinates));
 }
 
-const touch = (one, other) => one.left < other.right && other.left < one.right && one.top < other.bottom
-  && other.top < one.bottom;
-
-// A name that would cover another one is left out; the mark of its stop stays.
-function uncover(markers) {
-  const names = markers.map((each) => each.getElement().firstChild);
-  names.forEach((name) => name.classList.remove("covered"));
-  const shown = [];
-  for (const name of names) {
-    const box = name.getBoundingClientRect();
-    if (shown.some((other) => touch(box, other))) name.classList.add("covered");
-    else if (box.width) shown.push(box);
-  }
-}
-
 export class WayLayer {
-  constructor({map}) {
+  constructor({map, stations}) {
     this.map = map;
+    this.stations = stations;
     this.draw = overlay(map, "way", layers);
     this.markers = [];
     this.bounds = "";
-    map.on("moveend", () => uncover(this.markers));
   }
 
   // `track` is the track of a delivery, as the API has it.
@@ -73,7 +58,7 @@ export class WayLayer {
     this.markers = features.filter(({properties}) => properties.kind === "STATION").map(stopMarker);
     this.markers.forEach((each) => each.addTo(this.map));
     this.fit(features);
-    uncover(this.markers);
+    this.stations.keepMarkersFree(this.markers);
   }
 
   // The whole way is in the picture. It moves only when the way becomes another one.

@@ -81,7 +81,7 @@ function DeliveriesTile({today}) {
   const {deliveries, by_state: states, buckets} = today;
   const parts = [
     {name: "delivered", kind: "fine", count: sum(states, "COMPLETED")},
-    {name: "under way", kind: "accent", count: sum(states, "PLANNED", "DISPATCHED", "LOADING", "IN_PROGRESS")},
+    {name: "planned or flying", kind: "accent", count: sum(states, "PLANNED", "DISPATCHED", "LOADING", "IN_PROGRESS")},
     {name: "requested or scheduled", kind: "quiet", count: sum(states, "REQUESTED", "SCHEDULED")},
     {name: "partly delivered", kind: "warn", count: sum(states, "PARTIALLY_COMPLETED")},
     {name: "failed or rejected", kind: "danger", count: sum(states, "FAILED", "REJECTED")},
