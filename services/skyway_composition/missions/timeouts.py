@@ -30,7 +30,7 @@ from skyway_composition.margins import (
 )
 from skyway_composition.missions.interventions.confirm_loading import LoadingFault, refuse_loading
 from skyway_composition.missions.mission.end import abort, put_in_doubt, refuse
-from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.store import models_of_missions
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.check_plan import check_plan
@@ -88,8 +88,8 @@ class OverdueMissions:
                 await self._judge_booking(work, record, link)
             elif is_long_over and record.stuck is not None and not link.has_unread_events:
                 detail = f"no plan for the remainder was found: {record.stuck.detail}"
-                now = self.context.clock.now()
-                await abort(work, record, at=now, code=record.stuck.code, detail=detail)
+                why = Trouble(code=record.stuck.code, detail=detail)
+                await abort(work, record, why, at=self.context.clock.now())
             elif is_long_over and _is_silent(record, link, since=silent_since):
                 detail = "the drone has sent no message about the mission since its planned end"
                 await put_in_doubt(work, record, code="SILENT", detail=detail)
@@ -108,7 +108,7 @@ class OverdueMissions:
         if _says_not_flown(record, link) or _silence_proves_not_flown(
             record, link, ack_due_at=ack_due_at, has_listened=has_listened
         ):
-            await refuse(work, record, code="NO_ANSWER", detail=detail)
+            await refuse(work, record, Trouble(code="NO_ANSWER", detail=detail))
         elif now > expired_at + ANSWER_IS_DOUBTED.span(self.context.clock):
             await put_in_doubt(work, record, code="NO_ANSWER", detail=detail)
 

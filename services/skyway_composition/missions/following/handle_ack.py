@@ -24,7 +24,7 @@ from skyway_composition.missions.mission.instruct import (
     handle_refused_hold,
     is_being_called_off,
 )
-from skyway_composition.missions.mission.record import CALLED_HOME, MissionRecord, Proposal
+from skyway_composition.missions.mission.record import CALLED_HOME, MissionRecord, Proposal, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm
 from skyway_composition.missions.replanning.call_off import handle_answer_to_cancel
 from skyway_composition.missions.replanning.propose import accept_proposal, drop_proposal
@@ -103,7 +103,8 @@ async def _handle_answer_to_proposal(
     record = await drop_proposal(work, record)
     is_loading = record.trouble is not None and record.trouble.loaded is not None
     if is_loading and code in _NOT_WITH_THIS_LOAD:
-        await cancel(work, record, code=code, detail=ack.detail or "the drone refused its load")
+        detail = ack.detail or "the drone refused its load"
+        await cancel(work, record, Trouble(code=code, detail=detail))
     elif code is not RefusalCode.STEP_RELEASED:
         # The drone would refuse the same plan again, until it has reported a new state.
         at_wall_ms = moment_to_ms(work.clock.wall_now()) + _LOOK_AGAIN_MS
@@ -192,16 +193,13 @@ async def _handle_refusal(
         # A drone may refuse a mission that it has flown. Its events decide, or an operator.
         work.links[link.drone_id] = await work.courier.ask_for_events(work.tx, link)
     elif record.mission.state == "BOOKED":
-        await refuse(work, record, code=code, detail=ack.detail)
+        detail = ack.detail or "the drone refused the mission"
+        await refuse(work, record, Trouble(code=code, detail=detail))
     else:
         is_for_energy = code is RefusalCode.INSUFFICIENT_ENERGY
         refused = record.mission.energy_refusals + 1 if is_for_energy else 0
-        await wait_for_revision(
-            work,
-            _with_energy_refusals(record, refused),
-            code=code,
-            detail=ack.detail or "the drone refused the revision",
-        )
+        why = Trouble(code=code, detail=ack.detail or "the drone refused the revision")
+        await wait_for_revision(work, _with_energy_refusals(record, refused), why)
         if is_for_energy and record.trouble is None:
             await _wait_or_give_up(work, link.drone_id)
 
@@ -228,8 +226,8 @@ async def _wait_or_give_up(work: MissionUnitOfWork, drone_id: DroneId) -> None:
         at_wall_ms = moment_to_ms(work.clock.wall_now() + pause)
         await retry_stuck(work.tx, record.mission_id, at_wall_ms=at_wall_ms)
         return
-    code = RefusalCode.INSUFFICIENT_ENERGY
     detail = f"the drone has refused {refused} plans in a row for lack of energy"
-    await abort(work, record, at=work.clock.now(), code=code, detail=detail)
+    why = Trouble(code=RefusalCode.INSUFFICIENT_ENERGY, detail=detail)
+    await abort(work, record, why, at=work.clock.now())
     # Afterwards: this alarm stays, because people must see to a drone that stands with packages.
     await raise_alarm(work, record, level="URGENT", code="REVISIONS_REFUSED", detail=detail)

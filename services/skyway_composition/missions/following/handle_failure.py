@@ -31,7 +31,7 @@ from skyway_composition.missions.following.advance import (
 )
 from skyway_composition.missions.mission.end import end_after_forced_landing, put_in_doubt
 from skyway_composition.missions.mission.instruct import send_mission
-from skyway_composition.missions.mission.record import MissionRecord, OccupiedPad, Stuck
+from skyway_composition.missions.mission.record import MissionRecord, OccupiedPad, Stuck, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm, report
 from skyway_composition.missions.replanning.propose import drop_proposal, with_aims
 from skyway_composition.missions.replanning.remainder.planner import (
@@ -67,15 +67,9 @@ async def handle_step_failure(
         step = _without(step, done)
     code, detail = event.code or "STEP_FAILED", _in_words(event, step)
     if event.station_id is None:
-        await end_after_forced_landing(
-            work,
-            record,
-            at=event.ended_at,
-            position=event.position,
-            soc=event.soc,
-            code=code,
-            detail=detail,
-        )
+        why = Trouble(code=code, detail=detail)
+        at, position = event.ended_at, event.position
+        await end_after_forced_landing(work, record, why, at=at, position=position, soc=event.soc)
         return
     if code == "RECIPIENT_ABSENT":
         record = _without_recipient(work, record, step, detail=detail)
@@ -108,34 +102,24 @@ def _occupied_pad(step: FlightStep | None, event: DroneEvent) -> OccupiedPad | N
     return OccupiedPad(station_id=step.station_id, pad=step.pad, until_ms=until_ms)
 
 
-async def wait_for_revision(
-    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
-) -> None:
+async def wait_for_revision(work: MissionUnitOfWork, record: MissionRecord, why: Trouble) -> None:
     """Note that the drone stands and waits where its last state says; replanning finds it."""
     state = work.links[record.drone_id].state
     if state is not None and state.activity == "DOWN":
-        await end_after_forced_landing(
-            work,
-            record,
-            at=state.at,
-            position=state.position,
-            soc=state.soc,
-            code=code,
-            detail=detail,
-        )
+        at, position = state.at, state.position
+        await end_after_forced_landing(work, record, why, at=at, position=position, soc=state.soc)
         return
     if state is None or state.station_id is None:
         # The drone's place is unknown: its next state or the end of its plan decides.
-        log.warning(
-            "stuck drone without a station", extra={"mission_id": record.mission_id, "code": code}
-        )
+        extra = {"mission_id": record.mission_id, "code": why.code}
+        log.warning("stuck drone without a station", extra=extra)
         return
     last_step = 0
     if state.mission_id == record.mission_id:
         last_step = max(state.released_through or 0, state.step_id or 0)
     stuck = Stuck(
-        code=code,
-        detail=detail,
+        code=why.code,
+        detail=why.detail,
         station_id=state.station_id,
         soc=state.soc,
         last_step=last_step,
@@ -161,7 +145,7 @@ async def open_stream(work: MissionUnitOfWork, link: DroneLink, state: DroneStat
         if record.proposal is not None:
             record = await drop_proposal(work, record)
         detail = "the drone has lost its journal and with it the mission"
-        await wait_for_revision(work, record, code="JOURNAL_LOST", detail=detail)
+        await wait_for_revision(work, record, Trouble(code="JOURNAL_LOST", detail=detail))
 
 
 async def doubt_lost_journal(
@@ -240,13 +224,8 @@ def _without_recipient(
     changed = [
         absent_aim(record, package) for package in record.packages(frozenset(step.package_ids))
     ]
-    return with_aims(
-        work,
-        record,
-        with_changed_aims(record.aims, changed),
-        code="RECIPIENT_ABSENT",
-        detail=detail,
-    )
+    why = Trouble(code="RECIPIENT_ABSENT", detail=detail)
+    return with_aims(work, record, with_changed_aims(record.aims, changed), why)
 
 
 async def _handle_unknown_hand_over(
@@ -258,10 +237,9 @@ async def _handle_unknown_hand_over(
             detail = f"it is unknown whether {_named(step.package_ids)} were handed over"
             detail = f"{detail} at {step.station_id!r}"
             packages = record.packages(frozenset(step.package_ids))
-            aims = with_changed_aims(
-                record.aims, [back_to_pickup(record, each) for each in packages]
-            )
-            record = with_aims(work, record, aims, code=_UNKNOWN, detail=detail)
+            back = [back_to_pickup(record, each) for each in packages]
+            aims, why = with_changed_aims(record.aims, back), Trouble(code=_UNKNOWN, detail=detail)
+            record = with_aims(work, record, aims, why)
         case ReturnStep():
             detail = f"it is unknown whether {_named(step.package_ids)} were handed back"
             detail = f"{detail} at {step.station_id!r}"

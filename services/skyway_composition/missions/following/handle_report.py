@@ -164,14 +164,8 @@ async def _handle_mission_end(
     detail = f"the drone ended it with {len(missing)} packages not delivered"
     if given_up is not None:
         detail = f"no way was left to deliver or return {len(missing)} packages"
-    await abort(
-        work,
-        record,
-        at=event.ended_at,
-        code=given_up or event.code or "NOT_DELIVERED",
-        detail=detail,
-        station_id=event.station_id,
-    )
+    why = Trouble(code=given_up or event.code or "NOT_DELIVERED", detail=detail)
+    await abort(work, record, why, at=event.ended_at, station_id=event.station_id)
 
 
 async def handle_state(work: MissionUnitOfWork, link: DroneLink, state: DroneState) -> None:

@@ -15,6 +15,7 @@ from skyway_composition.context import Context
 from skyway_composition.missions.interventions.stop_packages import release_queued, stop_packages
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import has_never_left, held_packages
+from skyway_composition.missions.mission.record import Trouble
 from skyway_composition.missions.mission.share_views import flying_ids, own_ids
 from skyway_composition.missions.mission.store import lock_delivery
 from skyway_composition.missions.mission.unit_of_work import lock_missions
@@ -83,12 +84,10 @@ class _Stop:
         package_ids = requested.package_ids
         if package_ids is None:
             package_ids = tuple(sorted(under_way | held.keys()))
-        stopped = []
+        stopped, why = [], Trouble(code=CANCELLED, detail=requested.reason)
         for record in records:
             flown_ids = flying_ids(record, delivery_id, package_ids)
-            done = await stop_packages(
-                work, record, flown_ids, code=CANCELLED, reason=requested.reason
-            )
+            done = await stop_packages(work, record, flown_ids, why)
             own = partial(own_ids, record, delivery_id)
             stopped.append(
                 Cancellation(
@@ -99,9 +98,7 @@ class _Stop:
             )
         for record in queued:
             flown_ids = flying_ids(record, delivery_id, package_ids)
-            released = await release_queued(
-                work, record, flown_ids, code=CANCELLED, reason=requested.reason
-            )
+            released = await release_queued(work, record, flown_ids, why)
             stopped.append(Cancellation(released=own_ids(record, delivery_id, released)))
         # Packages without a live mission: never left the pickup (True), or too late (False).
         others: dict[bool, list[PackageId]] = {True: [], False: []}

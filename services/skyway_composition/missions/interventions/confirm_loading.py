@@ -106,7 +106,7 @@ async def refuse_loading(
         station_id=record.request.pickup.station_id,
         data=fault.data,
     )
-    await ending.cancel(work, record, code=fault.code, detail=fault.detail)
+    await ending.cancel(work, record, Trouble(code=fault.code, detail=fault.detail))
 
 
 def _refuse_unless_loading(work: MissionUnitOfWork, record: MissionRecord) -> None:

@@ -206,7 +206,6 @@ async def _divert(
 
 async def _return_home(work: MissionUnitOfWork, record: MissionRecord, command: Command) -> None:
     """Bring back the packages on board; an empty drone flies home anyway, or is cancelled."""
-    reason = command.reason
     carried = on_board(await work.custody.held_on(record))
     own = [each.package_id for each in record.packages(carried)]
     if not own:
@@ -216,10 +215,9 @@ async def _return_home(work: MissionUnitOfWork, record: MissionRecord, command: 
         raise Conflict("HELD", f"{record.mission_id} is held: resume it first")
     if not command.overrides_failsafe and await _is_called_home(work, record):
         raise Conflict("ALREADY_CALLED_HOME", f"{record.mission_id} is on its way home")
-    record = await return_packages(work, record, own, code=CALLED_HOME, detail=reason)
-    if command.overrides_failsafe:
-        trouble = Trouble(code=CALLED_HOME, detail=reason, overrides_failsafe=True)
-        await request_plan(work, record, trouble)
+    overrides = command.overrides_failsafe
+    why = Trouble(code=CALLED_HOME, detail=command.reason, overrides_failsafe=overrides)
+    await return_packages(work, record, own, why)
 
 
 async def _is_called_home(work: MissionUnitOfWork, record: MissionRecord) -> bool:
@@ -234,9 +232,8 @@ async def _is_called_home(work: MissionUnitOfWork, record: MissionRecord) -> boo
 async def _cancel(work: MissionUnitOfWork, record: MissionRecord, reason: str) -> None:
     """Cancel all packages of the mission."""
     package_ids = [each.package_id for each in record.request.packages]
-    stopped = await stop_packages(
-        work, record, package_ids, code=_CANCELLED_BY_OPERATOR, reason=reason
-    )
+    why = Trouble(code=_CANCELLED_BY_OPERATOR, detail=reason)
+    stopped = await stop_packages(work, record, package_ids, why)
     if not stopped.released and not stopped.returning:
         detail = f"everything that {record.mission_id} carries is handed over or on its way"
         raise Conflict("TOO_LATE", detail)
@@ -248,8 +245,8 @@ async def _give_up(work: MissionUnitOfWork, record: MissionRecord, reason: str) 
     if doubt is None:
         detail = f"{record.mission_id} is not in doubt: cancel it, or wait for its drone"
         raise Conflict("NOT_IN_DOUBT", detail)
-    detail = f"{reason} ({doubt.detail})"
-    await abort(work, record, at=work.clock.now(), code=doubt.code, detail=detail)
+    why = Trouble(code=doubt.code, detail=f"{reason} ({doubt.detail})")
+    await abort(work, record, why, at=work.clock.now())
 
 
 def _refuse_while_loaded(record: MissionRecord) -> None:

@@ -31,12 +31,7 @@ PACKAGES_CANCELLED: Final = "PACKAGES_CANCELLED"
 
 
 async def stop_packages(
-    work: MissionUnitOfWork,
-    record: MissionRecord,
-    package_ids: Collection[PackageId],
-    *,
-    code: str,
-    reason: str,
+    work: MissionUnitOfWork, record: MissionRecord, package_ids: Collection[PackageId], why: Trouble
 ) -> Cancellation:
     """Cancel these packages of a live mission, as far as possible.
 
@@ -64,25 +59,20 @@ async def stop_packages(
             carried += waiting
         waiting = []
     if carried:
-        record = await return_packages(work, record, carried, code=code, detail=reason)
+        record = await return_packages(work, record, carried, why)
     returning = [*carried, *(each for each in record.left_out if each in package_ids)]
     if waiting and not surely_stays_at_pickup(record, link=link):
-        await _ask_to_leave(work, record, waiting, code=code, reason=reason)
+        await _ask_to_leave(work, record, waiting, why)
         returning, waiting = [*returning, *waiting], []
     if waiting:
-        await _release(work, record, waiting, code=code, reason=reason)
+        await _release(work, record, waiting, why)
     return Cancellation(
         released=tuple(waiting), returning=tuple(returning), too_late=tuple(too_late)
     )
 
 
 async def release_queued(
-    work: MissionUnitOfWork,
-    record: MissionRecord,
-    package_ids: Collection[PackageId],
-    *,
-    code: str,
-    reason: str,
+    work: MissionUnitOfWork, record: MissionRecord, package_ids: Collection[PackageId], why: Trouble
 ) -> tuple[PackageId, ...]:
     """Leave these packages of a QUEUED mission at the pickup; returns the packages that it had.
 
@@ -93,46 +83,29 @@ async def release_queued(
     own = tuple(each.package_id for each in record.packages(frozenset(package_ids)))
     if not own:
         return ()
-    record = report(
-        work,
-        record,
-        "RELEASED",
-        package_ids=own,
-        code=code,
-        detail=reason,
-    )
+    record = report(work, record, "RELEASED", package_ids=own, code=why.code, detail=why.detail)
     left = len(record.request.packages) - len(own)
     if left and record.shares:
         await work.save(await _left_out_of(work, record, own))
         await work.plan_queue_again(record.drone_id)
     elif left:
-        detail = f"planned again for the other {left} packages: {reason}"
-        await ending.refuse(work, record, code=code, detail=detail)
+        detail = f"planned again for the other {left} packages: {why.detail}"
+        await ending.refuse(work, record, Trouble(code=why.code, detail=detail))
     else:
-        await ending.cancel_queued(work, record, code=code, detail=reason)
+        await ending.cancel_queued(work, record, why)
     return own
 
 
 async def return_packages(
-    work: MissionUnitOfWork,
-    record: MissionRecord,
-    package_ids: Collection[PackageId],
-    *,
-    code: str,
-    detail: str,
+    work: MissionUnitOfWork, record: MissionRecord, package_ids: Collection[PackageId], why: Trouble
 ) -> MissionRecord:
     """Have the drone return these packages to the pickup instead of delivering them."""
-    record = _turned_back(work, record, package_ids, code=code, detail=detail)
-    return await request_plan(work, record, Trouble(code=code, detail=detail))
+    record = _turned_back(work, record, package_ids, why)
+    return await request_plan(work, record, why)
 
 
 def _turned_back(
-    work: MissionUnitOfWork,
-    record: MissionRecord,
-    package_ids: Collection[PackageId],
-    *,
-    code: str,
-    detail: str,
+    work: MissionUnitOfWork, record: MissionRecord, package_ids: Collection[PackageId], why: Trouble
 ) -> MissionRecord:
     """The record with the aim that these packages return to the pickup; new aims are reported."""
     returning = {aim.package_id for aim in record.aims if aim.kind == "RETURN"}
@@ -143,7 +116,7 @@ def _turned_back(
         if each not in returning
     ]
     aims = with_changed_aims(record.aims, turned)
-    return with_aims(work, record, aims, code=code, detail=detail)
+    return with_aims(work, record, aims, why)
 
 
 async def return_cancelled_packages(
@@ -164,33 +137,25 @@ async def return_cancelled_packages(
     await store.save_request(work.tx, record)
     package_ids = [each.package_id for each in packages]
     detail = f"cancelled, but on board already: {', '.join(package_ids)}"
-    return await return_packages(work, record, package_ids, code="CANCELLED", detail=detail)
+    return await return_packages(
+        work, record, package_ids, Trouble(code="CANCELLED", detail=detail)
+    )
 
 
 async def _ask_to_leave(
-    work: MissionUnitOfWork,
-    record: MissionRecord,
-    package_ids: Collection[PackageId],
-    *,
-    code: str,
-    reason: str,
+    work: MissionUnitOfWork, record: MissionRecord, package_ids: Collection[PackageId], why: Trouble
 ) -> None:
     """Ask the drone to leave these packages; its answer decides whether they are released."""
-    record = _turned_back(work, record, package_ids, code=code, detail=reason)
+    record = _turned_back(work, record, package_ids, why)
     if len(package_ids) < len(record.request.packages):
-        await _plan_without(work, record, package_ids, reason=reason)
+        await _plan_without(work, record, package_ids, reason=why.detail)
         return
-    record = await request_plan(work, record, Trouble(code=code, detail=reason))
-    await request_call_off(work, record, code=code, detail=reason)
+    record = await request_plan(work, record, why)
+    await request_call_off(work, record, why)
 
 
 async def _release(
-    work: MissionUnitOfWork,
-    record: MissionRecord,
-    package_ids: Collection[PackageId],
-    *,
-    code: str,
-    reason: str,
+    work: MissionUnitOfWork, record: MissionRecord, package_ids: Collection[PackageId], why: Trouble
 ) -> None:
     """Leave these packages at the pickup; a mission with nothing left to carry ends."""
     record = report(
@@ -198,14 +163,14 @@ async def _release(
         record,
         "RELEASED",
         package_ids=tuple(package_ids),
-        code=code,
-        detail=reason,
+        code=why.code,
+        detail=why.detail,
     )
     if len(package_ids) == len(record.request.packages):
-        await ending.cancel(work, record, code=code, detail=reason)
+        await ending.cancel(work, record, why)
         return
     aims = tuple(aim for aim in record.aims if aim.package_id not in package_ids)
-    await _plan_without(work, replace(record, aims=aims), package_ids, reason=reason)
+    await _plan_without(work, replace(record, aims=aims), package_ids, reason=why.detail)
 
 
 async def _plan_without(

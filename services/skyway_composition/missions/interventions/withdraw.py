@@ -10,6 +10,7 @@ from skyway.units import NEVER_MS
 from skyway_composition.calendar.attempts import Change, Lost, carry_out
 from skyway_composition.context import Context
 from skyway_composition.missions.mission import end, store
+from skyway_composition.missions.mission.record import Trouble
 from skyway_composition.missions.mission.unit_of_work import lock_missions
 
 
@@ -52,9 +53,9 @@ class _Withdraw:
             is_sent=bool(flying) or len(ended) > len(queued),
             is_shared=any(record.shares for record in queued),
         )
+        why = Trouble(code="CHANGED", detail="the customer has changed the request")
         for record in queued:
-            detail = "the customer has changed the request"
-            await end.refuse(work, record, code="CHANGED", detail=detail)
+            await end.refuse(work, record, why)
         until = max(self.attempt, delivery.withdrawn_attempt)
         await store.withdraw_attempts(tx, self.delivery_id, until=until)
         tx.after_commit(self.context.stuck.set)

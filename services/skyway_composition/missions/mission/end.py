@@ -20,7 +20,7 @@ from skyway_composition.missions.mission.custody_store import (
     on_board,
 )
 from skyway_composition.missions.mission.instruct import call_off
-from skyway_composition.missions.mission.record import MissionRecord, moved
+from skyway_composition.missions.mission.record import MissionRecord, Trouble, moved
 from skyway_composition.missions.mission.standby import begin_sooner, restore_pads, restore_standby
 from skyway_composition.missions.mission.step_store import flown_totals
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm, report
@@ -28,23 +28,15 @@ from skyway_composition.pads.store import free
 from skyway_composition.planning.no_show_store import note_absence
 
 
-async def refuse(
-    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str | None
-) -> None:
+async def refuse(work: MissionUnitOfWork, record: MissionRecord, why: Trouble) -> None:
     """End a mission that its drone has refused or did not answer."""
     is_queued = record.mission.state == "QUEUED"
     record = replace(moved(record, "REFUSED"), stuck=None, trouble=None, proposal=None)
     await free(work.tx, record.mission_id)
     if is_queued:
         await restore_pads(work.tx, record.drone_id)
-    await note_absence(work.tx, record.mission, code=code, at_ms=moment_to_ms(work.clock.now()))
-    record = report(
-        work,
-        record,
-        "REFUSED",
-        code=code,
-        detail=detail,
-    )
+    await note_absence(work.tx, record.mission, code=why.code, at_ms=moment_to_ms(work.clock.now()))
+    record = report(work, record, "REFUSED", code=why.code, detail=why.detail)
     await work.save(record)
     if is_queued:
         await restore_standby(work, record)
@@ -54,51 +46,38 @@ async def refuse(
 
 async def complete(work: MissionUnitOfWork, record: MissionRecord, *, at: datetime) -> None:
     """End a mission whose packages are all delivered or returned, and whose drone is home."""
-    await _end(work, record, "COMPLETED", at=at, code=None, detail=None, station_id=None)
+    await _end(work, record, "COMPLETED", None, at=at)
 
 
-async def cancel(work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str) -> None:
+async def cancel(work: MissionUnitOfWork, record: MissionRecord, why: Trouble) -> None:
     """End a mission that has nothing on board, and instruct its drone to cancel it.
 
     A drone that has started the mission refuses to cancel, flies it to its end, and stays busy
     until then. `request_call_off` waits for the drone's answer instead.
     """
-    await call_off(work, record, reason=f"{code}: {detail}")
-    await end_cancelled(work, record, code=code, detail=detail)
+    await call_off(work, record, reason=f"{why.code}: {why.detail}")
+    await end_cancelled(work, record, why)
 
 
-async def cancel_queued(
-    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
-) -> None:
+async def cancel_queued(work: MissionUnitOfWork, record: MissionRecord, why: Trouble) -> None:
     """End a QUEUED mission; its drone was never instructed."""
     await free(work.tx, record.mission_id)
     await restore_pads(work.tx, record.drone_id)
-    await end_cancelled(work, record, code=code, detail=detail)
+    await end_cancelled(work, record, why)
     await restore_standby(work, record)
 
 
-async def end_cancelled(
-    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
-) -> None:
+async def end_cancelled(work: MissionUnitOfWork, record: MissionRecord, why: Trouble) -> None:
     """End a mission that has nothing on board, and that its drone will not fly."""
-    await _end(
-        work,
-        record,
-        "CANCELLED",
-        at=work.clock.now(),
-        code=code,
-        detail=detail,
-        station_id=None,
-    )
+    await _end(work, record, "CANCELLED", why, at=work.clock.now())
 
 
 async def abort(
     work: MissionUnitOfWork,
     record: MissionRecord,
+    why: Trouble,
     *,
     at: datetime,
-    code: str,
-    detail: str | None,
     station_id: StationId | None = None,
 ) -> None:
     """End a mission that cannot continue; packages on board are stranded where the drone stands.
@@ -107,7 +86,7 @@ async def abort(
     a revision is instructed to cancel the mission, so that it can serve again.
     """
     if record.mission.state == "BOOKED":
-        await refuse(work, record, code=code, detail=detail)
+        await refuse(work, record, why)
         return
     if station_id is None and record.stuck is not None:
         station_id = record.stuck.station_id
@@ -115,20 +94,19 @@ async def abort(
     if station_id is None and link is not None and link.state is not None:
         station_id = link.state.station_id
     if record.stuck is not None:
-        await call_off(work, record, reason=f"given up: {code}")
-    await note_absence(work.tx, record.mission, code=code, at_ms=moment_to_ms(work.clock.now()))
-    await _end(work, record, "ABORTED", at=at, code=code, detail=detail, station_id=station_id)
+        await call_off(work, record, reason=f"given up: {why.code}")
+    await note_absence(work.tx, record.mission, code=why.code, at_ms=moment_to_ms(work.clock.now()))
+    await _end(work, record, "ABORTED", why, at=at, station_id=station_id)
 
 
 async def end_after_forced_landing(
     work: MissionUnitOfWork,
     record: MissionRecord,
+    why: Trouble,
     *,
     at: datetime,
     position: Position,
     soc: float,
-    code: str,
-    detail: str,
 ) -> None:
     """A drone has landed away from every station: raise an alarm and end its mission.
 
@@ -143,36 +121,28 @@ async def end_after_forced_landing(
         record,
         level="CRITICAL",
         code="FORCED_LANDING",
-        detail=f"down away from every station at {place}, {load}: {detail}",
+        detail=f"down away from every station at {place}, {load}: {why.detail}",
         data={
-            "fault": code,
+            "fault": why.code,
             "longitude_deg": position.longitude_deg,
             "latitude_deg": position.latitude_deg,
             "soc": soc,
             "package_ids": packages,
         },
     )
-    await _end(
-        work,
-        record,
-        "ABORTED",
-        at=at,
-        code=code,
-        detail=f"the drone had to land at {place}, away from every station: {detail}",
-        station_id=None,
-        position=position,
-    )
+    detail = f"the drone had to land at {place}, away from every station: {why.detail}"
+    down = Trouble(code=why.code, detail=detail)
+    await _end(work, record, "ABORTED", down, at=at, position=position)
 
 
 async def _end(
     work: MissionUnitOfWork,
     record: MissionRecord,
     state: MissionState,
+    why: Trouble | None,
     *,
     at: datetime,
-    code: str | None,
-    detail: str | None,
-    station_id: StationId | None,
+    station_id: StationId | None = None,
     position: Position | None = None,
 ) -> None:
     stranded = await _strand(work, record, at=at, station_id=station_id)
@@ -184,8 +154,8 @@ async def _end(
         record,
         "ENDED",
         at=at,
-        code=code,
-        detail=detail,
+        code=why and why.code,
+        detail=why and why.detail,
         station_id=station_id,
         position=position,
         stranded_package_ids=stranded,
@@ -248,13 +218,7 @@ async def put_in_doubt(
         reported_activity="OUT_OF_CONTACT ",
     )
     record = report(
-        work,
-        record,
-        "ACTIVITY",
-        at=now,
-        activity="OUT_OF_CONTACT",
-        code=code,
-        detail=detail,
+        work, record, "ACTIVITY", at=now, activity="OUT_OF_CONTACT", code=code, detail=detail
     )
     await raise_alarm(
         work,

@@ -27,7 +27,7 @@ from skyway_composition.calendar.commit import Snapshot
 from skyway_composition.context import Context
 from skyway_composition.margins import HAND_OVER, PLANS_QUEUE, REACHES, WAITS_FOR_DRONE
 from skyway_composition.missions.mission.end import refuse
-from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.standby import restore_pads
 from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
@@ -150,7 +150,7 @@ class Calendars:
                     await shorten_standby(work, calendar.before, until_ms=until_ms)
                 case GiveUp(detail=detail):
                     tx.after_commit(self.context.dispatches.set)
-                    await refuse(work, following, code="DRONE_NOT_FREE", detail=detail)
+                    await refuse(work, following, _not_free(detail))
                 case PlanAgain(slot=slot):
                     pass
                 case Shorten() | Leave():
@@ -177,7 +177,7 @@ class Calendars:
             work = await MissionUnitOfWork.lock_as_seen(self.context, tx, seen)
             tx.after_commit(self.context.dispatches.set)
             if is_hopeless:
-                await refuse(work, first, code="DRONE_NOT_FREE", detail=_NO_PLAN)
+                await refuse(work, first, _not_free(_NO_PLAN))
                 return
             await _apply(work, calendar, changed, skyway)
             self._last_plan_took_ms[calendar.drone_id] = self.context.now_ms - began_ms
@@ -288,6 +288,9 @@ class WithdrawnDrones:
             work = await MissionUnitOfWork.lock(self.context, tx, [drone_id])
             queued = await queued_of_drone(tx.connection, drone_id)
             if queued:
-                detail = "its drone is out of service"
-                await refuse(work, queued[-1], code="DRONE_NOT_FREE", detail=detail)
+                await refuse(work, queued[-1], _not_free("its drone is out of service"))
         return True
+
+
+def _not_free(detail: str) -> Trouble:
+    return Trouble(code="DRONE_NOT_FREE", detail=detail)

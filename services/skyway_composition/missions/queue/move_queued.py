@@ -107,7 +107,7 @@ async def drop(work: MissionUnitOfWork, dropped: Dropped) -> None:
     """Give up a mission for which its drone has no plan; another drone may fly it."""
     reason = dropped.reason
     detail = f"its drone has no plan for it any more: {reason.code}, {reason.detail}"
-    await refuse(work, dropped.record, code="CALENDAR_CHANGED", detail=detail)
+    await refuse(work, dropped.record, Trouble(code="CALENDAR_CHANGED", detail=detail))
 
 
 async def move(

@@ -19,20 +19,18 @@ from skyway_composition.margins import PLANNED_AND_REACHES_SURELY, REACHES_SUREL
 from skyway_composition.missions.mission.custody_store import has_never_left
 from skyway_composition.missions.mission.end import end_cancelled
 from skyway_composition.missions.mission.instruct import call_off
-from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.store import plan_now, retry_stuck
 
 
-async def request_call_off(
-    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
-) -> None:
+async def request_call_off(work: MissionUnitOfWork, record: MissionRecord, why: Trouble) -> None:
     """Instruct the drone to cancel a mission that has a trouble, and wait for its answer.
 
     Planning waits too, at most until the instruction expires.
     """
-    await call_off(work, record, reason=f"{code}: {detail}")
+    await call_off(work, record, reason=f"{why.code}: {why.detail}")
     answered_by = work.clock.wall_now() + work.courier.lifetime / work.clock.rate
     await retry_stuck(work.tx, record.mission_id, at_wall_ms=moment_to_ms(answered_by))
 
@@ -52,9 +50,10 @@ async def handle_answer_to_cancel(work: MissionUnitOfWork, record: MissionRecord
     sent = await last_cancel(work.tx, work.links[record.drone_id], record.mission_id)
     reason = "CANCELLED: the drone has cancelled the mission" if sent is None else sent.reason
     code, _, detail = reason.partition(": ")
+    why = Trouble(code=code, detail=detail)
     cancelled = {aim.package_id for aim in record.aims if aim.kind == "RETURN"}
-    record = await _release(work, record, cancelled, code=code, detail=detail)
-    await end_cancelled(work, record, code=code, detail=detail)
+    record = await _release(work, record, cancelled, why)
+    await end_cancelled(work, record, why)
 
 
 async def release_left_out(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
@@ -69,22 +68,13 @@ async def release_left_out(work: MissionUnitOfWork, record: MissionRecord) -> Mi
         if each.status == "PLANNED" and isinstance(each.step, PickUpStep)
         for package in each.step.packages
     }
-    return await _release(
-        work,
-        record,
-        asked - to_load,
-        code="CANCELLED",
-        detail="the drone has a new plan that leaves them at the pickup",
-    )
+    detail = "the drone has a new plan that leaves them at the pickup"
+    why = Trouble(code="CANCELLED", detail=detail)
+    return await _release(work, record, asked - to_load, why)
 
 
 async def _release(
-    work: MissionUnitOfWork,
-    record: MissionRecord,
-    package_ids: Collection[PackageId],
-    *,
-    code: str,
-    detail: str,
+    work: MissionUnitOfWork, record: MissionRecord, package_ids: Collection[PackageId], why: Trouble
 ) -> MissionRecord:
     """Report these packages released, except those that have left the pickup."""
     held = await work.custody.held_on(record)
@@ -98,8 +88,8 @@ async def _release(
         "RELEASED",
         at=work.clock.now(),
         package_ids=staying,
-        code=code,
-        detail=detail,
+        code=why.code,
+        detail=why.detail,
     )
 
 

@@ -63,13 +63,7 @@ def _with_trouble(
     A mission in doubt is not planned before the doubt ends, so that is not reported.
     """
     if record.trouble is None and record.stuck is None and record.mission.doubt is None:
-        record = report(
-            work,
-            record,
-            "REPLANNING",
-            code=trouble.code,
-            detail=trouble.detail,
-        )
+        record = report(work, record, "REPLANNING", code=trouble.code, detail=trouble.detail)
     return replace(record, trouble=_merged(record.trouble, trouble))
 
 

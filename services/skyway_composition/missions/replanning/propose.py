@@ -79,7 +79,7 @@ async def propose(
     """
     draft = _draft(revision, anchor, trouble)
     instruction_id = await work.send(record.drone_id, draft)
-    record = with_aims(work, record, revision.aims, code=trouble.code, detail=trouble.detail)
+    record = with_aims(work, record, revision.aims, trouble)
     proposal = Proposal(
         instruction_id=instruction_id,
         first_step=anchor.first_step,
@@ -133,7 +133,8 @@ async def accept_proposal(
     await release_unneeded_pads(work, record)
     record = await release_left_out(work, record)
     if proposal.code not in OF_STANDBY_ONLY:
-        record = _report_replanned(work, record, code=proposal.code, detail=proposal.detail)
+        why = Trouble(code=proposal.code, detail=proposal.detail)
+        record = _report_replanned(work, record, why)
     await work.save(record)
     await plan_now(work.tx, record.mission_id)
     missing = _returns_not_in_plan(record, proposal.steps)
@@ -167,31 +168,24 @@ async def replace_plan(
     """
     mission = revision.mission
     await work.steps.replace_planned(record.mission_id, revision.steps, revision=mission.revision)
-    record = with_aims(work, record, revision.aims, code=trouble.code, detail=trouble.detail)
+    record = with_aims(work, record, revision.aims, trouble)
     record = replace(record, mission=mission, stuck=None, trouble=None, reported_activity=None)
     await release_unneeded_pads(work, record)
     record = await release_left_out(work, record)
     await work.send(record.drone_id, mission_draft(mission, revision.steps))
-    record = _report_replanned(work, record, code=trouble.code, detail=trouble.detail)
+    record = _report_replanned(work, record, trouble)
     await work.save(record)
 
 
 def with_aims(
-    work: MissionUnitOfWork, record: MissionRecord, aims: tuple[Aim, ...], *, code: str, detail: str
+    work: MissionUnitOfWork, record: MissionRecord, aims: tuple[Aim, ...], why: Trouble
 ) -> MissionRecord:
     """The record with these aims; packages that now go back to the pickup are reported."""
     turned = turned_back(record.aims, aims)
     record = replace(record, aims=aims)
     if not turned:
         return record
-    return report(
-        work,
-        record,
-        "RETURNING",
-        package_ids=turned,
-        code=code,
-        detail=detail,
-    )
+    return report(work, record, "RETURNING", package_ids=turned, code=why.code, detail=why.detail)
 
 
 async def adjust_last_flight(
@@ -262,15 +256,15 @@ def _returns_not_in_plan(
 
 
 def _report_replanned(
-    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
+    work: MissionUnitOfWork, record: MissionRecord, why: Trouble
 ) -> MissionRecord:
     """Report that a mission continues by another plan, and why."""
     return report(
         work,
         record,
         "REPLANNED",
-        code=code,
-        detail=detail,
+        code=why.code,
+        detail=why.detail,
         etas=record.mission.packages,
         mission=record.mission,
     )

@@ -101,7 +101,7 @@ class Replanner:
             case NoMorePlans():
                 await self._stop_trying(record, found.trouble)
             case NoPlan():
-                await self._give_up(record, code=found.code, detail=found.detail)
+                await self._give_up(record, Trouble(code=found.code, detail=found.detail))
 
     async def _close_pad(self, record: MissionRecord) -> None:
         """Close the pad that this mission's drone found occupied, unless it is closed already.
@@ -170,7 +170,7 @@ class Replanner:
         """Make no more plans: a standing drone's mission ends, a flying drone flies on."""
         if record.stuck is not None:
             detail = f"{MOST_REVISIONS} revisions led nowhere; the last: {trouble.detail}"
-            await self._give_up(record, code=trouble.code, detail=detail)
+            await self._give_up(record, Trouble(code=trouble.code, detail=detail))
             return
         async with self.context.db.write() as tx:
             work, current = await self._lock(record, tx)
@@ -179,7 +179,7 @@ class Replanner:
                 # Until another plan is requested.
                 await put_off(tx, record.mission_id, until_wall_ms=NEVER_MS)
 
-    async def _give_up(self, planned: MissionRecord, *, code: str, detail: str) -> None:
+    async def _give_up(self, planned: MissionRecord, why: Trouble) -> None:
         """End a mission for which no plan was found, if the drone still has this mission."""
         async with self.context.db.write() as tx:
             work, record = await self._lock(planned, tx)
@@ -189,7 +189,7 @@ class Replanner:
                 # It may begin before a CANCEL reaches it, or has begun: plan again later.
                 await put_off(tx, record.mission_id, until_wall_ms=self._retry_wall_ms)
                 return
-            await give_up(work, record, code=code, detail=detail)
+            await give_up(work, record, why)
 
     async def _lock(
         self, seen: MissionRecord, tx: Tx
@@ -214,16 +214,14 @@ async def _surely_stands(work: MissionUnitOfWork, record: MissionRecord) -> bool
     return can_stay_at_pickup(record, steps, work.clock, link=link, needs_plan=False)
 
 
-async def give_up(
-    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
-) -> None:
+async def give_up(work: MissionUnitOfWork, record: MissionRecord, why: Trouble) -> None:
     """End a mission whose drone stands; a drone that may begin to load must agree first."""
     if record.stuck is not None:
-        await abort(work, record, at=work.clock.now(), code=code, detail=detail)
+        await abort(work, record, why, at=work.clock.now())
     elif surely_stays_at_pickup(record, link=work.links[record.drone_id]):
-        await cancel(work, record, code=code, detail=detail)
+        await cancel(work, record, why)
     else:
-        await request_call_off(work, record, code=code, detail=detail)
+        await request_call_off(work, record, why)
 
 
 async def stop_trying(work: MissionUnitOfWork, record: MissionRecord, trouble: Trouble) -> None:
