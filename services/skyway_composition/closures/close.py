@@ -77,13 +77,7 @@ class Closings:
         return moment_to_ms(self.clock.now())
 
     async def around(self, station_id: StationId) -> PublishedNetwork:
-        """The network that has this station.
-
-        Raises
-        ------
-        NotFound
-            No network has this station.
-        """
+        """The network that has this station; NotFound if none has."""
         found = await self.networks.around(station_id)
         if found is None:
             raise NotFound("station", station_id)
@@ -113,13 +107,7 @@ class Closings:
                 await self.impact.retry(tx, reach)
 
     async def reach(self, closure: Closure) -> Reach:
-        """The closure with the stations and segments that it closes.
-
-        Raises
-        ------
-        NotFound
-            There is no such network.
-        """
+        """The closure with what it closes; NotFound if there is no such network."""
         if closure.kind == "GROUND_STOP":
             if closure.network_id is not None:
                 await self.networks.current(closure.network_id)

@@ -73,24 +73,12 @@ class PreparedNetworks:
         self._loading = asyncio.Lock()
 
     async def current(self, network_id: NetworkId) -> PreparedNetwork:
-        """The current version of a network.
-
-        Raises
-        ------
-        NotFound
-            There is no such network.
-        """
+        """The current version of a network; NotFound if there is none."""
         row = await current_row(self._db, network_id)
         return await self.version(network_id, row.version)
 
     async def present(self, network_id: NetworkId) -> store.Present:
-        """The current version and conditions number of a network.
-
-        Raises
-        ------
-        NotFound
-            There is no such network.
-        """
+        """The current version and conditions number of a network; NotFound if there is none."""
         async with self._db.read() as connection:
             present = await store.present(connection, network_id)
         if present is None:
@@ -123,13 +111,7 @@ class PreparedNetworks:
         return NOTHING_PUBLISHED if is_empty else f"no network has station {station_id!r}"
 
     async def version(self, network_id: NetworkId, version: int) -> PreparedNetwork:
-        """One version of a network.
-
-        Raises
-        ------
-        NotFound
-            There is no such network, or no such version of it.
-        """
+        """One version of a network; NotFound if there is none."""
         kept = self._kept.get(network_id, {}).get(version)
         if kept is not None:
             return kept
@@ -191,13 +173,7 @@ def _straightness(network: Network) -> float:
 
 
 async def current_row(db: Database, network_id: NetworkId) -> VersionRow:
-    """The current version of a network, without its content.
-
-    Raises
-    ------
-    NotFound
-        There is no such network.
-    """
+    """The current version of a network, without its content; NotFound if there is none."""
     async with db.read() as connection:
         current = await store.current_version(connection, network_id)
     if current is None:

@@ -60,17 +60,18 @@ class NetworkInfo(JsonModel):
     ]
 
 
+VersionNumber = Annotated[
+    int | None,
+    Field(
+        ge=1, le=MAX_VERSION, description="Number of the version; without it the current version."
+    ),
+]
+
+
 class VersionQuery(QueryModel):
     """Which version of a network is read."""
 
-    version: Annotated[
-        int | None,
-        Field(
-            ge=1,
-            le=MAX_VERSION,
-            description="Number of the version; without it the current version.",
-        ),
-    ] = None
+    version: VersionNumber = None
 
 
 def network_routes(

@@ -34,7 +34,7 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.networks.prepared import NOTHING_PUBLISHED, PreparedNetworks
-from skyway_composition.networks.routes import MAX_VERSION
+from skyway_composition.networks.routes import VersionNumber
 from skyway_composition.networks.store import has_networks
 from skyway_composition.planning.no_show_store import NoShows
 from skyway_composition.planning.solver_pool import ReadingTurn, SolverPool
@@ -54,14 +54,7 @@ class NetworkReference(JsonModel):
     """A published network in the place of a network's GeoJSON."""
 
     network_id: Annotated[NetworkId, Field(description="Id of the published network.")]
-    version: Annotated[
-        int | None,
-        Field(
-            ge=1,
-            le=MAX_VERSION,
-            description="Number of the version; without it the current version.",
-        ),
-    ] = None
+    version: VersionNumber = None
 
     @classmethod
     def of(cls, value: Any) -> Self:  # any JSON object

@@ -128,12 +128,10 @@ async def claim(
     moving = {each.drone_id: each.calendar_version for each in moves}
     seen = Snapshot(world.present, moving | {each: calendars[each] for each in providers})
     booked = [pad for part in parts for pad in part.trip.booked_pads]
-    # An idle drone whose mission begins soon gets the mission now.
     sent_now = {
         each.candidate.drone_id
         for each in parts
-        if (each.opening is None or each.opening.after is None)
-        and each.trip.start_ms <= now_ms + send_ahead_ms(clock, each.request.qos)
+        if _is_sent_now(each, now_ms + send_ahead_ms(clock, each.request.qos))
     }
     first = parts[0].candidate
     is_only_sent = first.drone_id in sent_now and parts[0].opening is None and own_hold is None
@@ -166,6 +164,12 @@ async def claim(
     await move_standbys(tx, moves, world)
     await _make_room(tx, parts, clock=clock)
     return places
+
+
+def _is_sent_now(part: Part, send_by_ms: int) -> bool:
+    """Whether the drone is idle and the mission begins soon."""
+    is_idle = part.opening is None or part.opening.after is None
+    return is_idle and part.trip.start_ms <= send_by_ms
 
 
 async def _make_room(tx: Tx, parts: Sequence[Part], *, clock: FleetClock) -> None:

@@ -79,10 +79,12 @@ async def yielding_standbys(
     return [
         _standby(rows)
         for rows in by_mission
-        if rows[0].state == "QUEUED"
-        or rows[0].connection is None
-        or Connection.read(rows[0].connection).status == "ONLINE"
+        if rows[0].state == "QUEUED" or not _is_offline(rows[0].connection)
     ]
+
+
+def _is_offline(connection: str | None) -> bool:
+    return connection is not None and Connection.read(connection).status != "ONLINE"
 
 
 def _standby(rows: Sequence[AnyRow]) -> YieldingStandby:

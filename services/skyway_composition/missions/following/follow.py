@@ -370,9 +370,10 @@ class GainedDrones:
         self._is_behind = True
         now, since_at = self._clock.now(), self._caught_up_at
         self._subscribe_again()
-        replicas = self._membership
-        await self._handler.ask_live_drones(
-            lambda each: replicas.owns(each) and not replicas.has_owned(each, since_at)
-        )
+        await self._handler.ask_live_drones(partial(self._is_gained, since_at=since_at))
         self._caught_up_at, self._is_behind = now, False
         return True
+
+    def _is_gained(self, drone_id: DroneId, since_at: datetime) -> bool:
+        is_ours = self._membership.owns(drone_id)
+        return is_ours and not self._membership.has_owned(drone_id, since_at)

@@ -75,12 +75,10 @@ class _Stop:
     ) -> Cancellation:
         work, records, queued = await lock_missions(self.context, tx, delivery_id)
         held = await held_packages(tx.connection, delivery_id)
-        under_way = {
-            package_id
-            for record in (*records, *queued)
-            for each in ([*record.left_out], [one.package_id for one in record.request.packages])
-            for package_id in own_ids(record, delivery_id, each)
-        }
+        under_way: set[PackageId] = set()
+        for record in (*records, *queued):
+            ids = [*record.left_out, *(each.package_id for each in record.request.packages)]
+            under_way.update(own_ids(record, delivery_id, ids))
         package_ids = requested.package_ids
         if package_ids is None:
             package_ids = tuple(sorted(under_way | held.keys()))
