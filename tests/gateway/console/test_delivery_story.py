@@ -79,6 +79,21 @@ def story(stage: StagedPage) -> StagedPage:
     return stage
 
 
+def stop(station_id: str, longitude_deg: float) -> dict[str, Any]:
+    """A stop on the way of a delivery where a package is handed over."""
+    stops = [{"kind": "DELIVER", "status": "PLANNED"}]
+    return {
+        "type": "Feature",
+        "geometry": {"type": "Point", "coordinates": [longitude_deg, 29.9]},
+        "properties": {
+            "kind": "STATION",
+            "station_id": station_id,
+            "is_pickup": False,
+            "stops": stops,
+        },
+    }
+
+
 def replan(story: StagedPage, later_s: float, revision: int = 2) -> None:
     data = {
         "mission_id": "msn_1",
@@ -176,3 +191,16 @@ def test_the_webhooks_of_a_delivery_are_read_when_they_are_opened(story: StagedP
     listed = page.get_by_role("list", name="Webhooks").get_by_role("listitem")
     expect(listed).to_have_count(1)
     expect(listed).to_contain_text("https://shop.example/hook: Failed (500)")
+
+
+def test_a_name_on_the_way_that_would_cover_another_one_is_hidden(story: StagedPage) -> None:
+    ways = [stop("a", -97.9), stop("beside-a", -97.8999), stop("far-hill", -97.5)]
+    story.answers[f"{PATH}/track"] = {"type": "FeatureCollection", "features": ways}
+
+    page = story.open("/console#/deliveries/dlv_1").page
+
+    names = page.locator(".way-stop span")
+    expect(names).to_have_count(3)
+    expect(names.nth(1)).to_be_hidden()
+    expect(names.nth(0)).to_be_visible()
+    expect(names.nth(2)).to_be_visible()

@@ -128,7 +128,8 @@ export class StationLayer {
       return {x, y, name: marker.getElement().firstChild};
     });
     for (const {x, y, name: {offsetWidth: width, offsetHeight: height, classList}} of found) {
-      if (width) classList.toggle("covered", !this.space.takeFirst([boxesAround([x, y], width, height, MARK_PX + 3)[0]]));
+      const [above] = boxesAround([x, y], width, height, MARK_PX + 3);
+      if (width) classList.toggle("covered", !this.space.takeFirst([above]));
     }
     return found.map(({name}) => name.textContent);
   }
