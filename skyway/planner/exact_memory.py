@@ -15,6 +15,7 @@ from skyway.planner.kernels.memory import (
     QUEUE,
     STATES,
     WINDOWS,
+    Floats,
     Memory,
 )
 from skyway.planner.kernels.places import refill_table
@@ -26,6 +27,14 @@ MOST_TREES: Final = 13
 #: By so much places, arcs, windows, states and labels grow. Windows and labels are most of a long
 #: search's memory: each copy of them makes new pages, which the system clears. Our own choice.
 _TIMES_LARGER: Final = np.array([2, 2, 4, 2, 4])
+
+#: The arrays of a hierarchy, of kept trees and of a narrow search.
+_NEVER_GROWN: Final = frozenset(
+    ("rank_distance", "rank_known", "climb", "tree_of_row", "layer", "layer_size")
+)
+
+#: Bytes that the processor loads together.
+_LINE: Final = 64
 
 #: Labels that may be in the queue once more, because they were put back.
 _PUT_BACK = 8
@@ -66,7 +75,7 @@ def new_memory(
 
 
 def enlarged(memory: Memory, *, trees: int | None = None) -> Memory:
-    """The same memory with more room in each array that is half full.
+    """The same memory with more room in each array that is half full; it shares the other arrays.
 
     `trees` is the new number of trees; None keeps their number and enlarges another array.
     """
@@ -85,26 +94,25 @@ def enlarged(memory: Memory, *, trees: int | None = None) -> Memory:
         "label": LABELS, "not_before_s": LABELS, "link": LABELS, "period": LABELS,
         "queue_key": QUEUE, "queue_label": QUEUE,
     }  # fmt: skip
-    for name, row in used.items():
-        getattr(larger, name)[: count[row]] = getattr(memory, name)[: count[row]]
-    for name in ("counts", "best_s", "tree_of"):
-        getattr(larger, name)[:] = getattr(memory, name)
-    for name in ("radius", "reach", "tree_size"):
+    kept = {
+        name: array
+        for name, array in memory._asdict().items()
+        if name in _NEVER_GROWN or array.shape == getattr(larger, name).shape
+    }
+    larger = larger._replace(**kept)
+    for name in used.keys() - kept.keys():
+        row = count[used[name]]
+        getattr(larger, name)[:row] = getattr(memory, name)[:row]
+    for name in {"radius", "reach", "tree_size"} - kept.keys():
         getattr(larger, name)[:before] = getattr(memory, name)
-    for name in ("distance", "tree_key", "tree_heap", "tree_slot"):
+    for name in {"distance", "tree_key", "tree_heap", "tree_slot"} - kept.keys():
         getattr(larger, name)[:before, : count[PLACES]] = getattr(memory, name)[:, : count[PLACES]]
-    larger = larger._replace(
-        rank_distance=memory.rank_distance,
-        rank_known=memory.rank_known,
-        climb=memory.climb,
-        tree_of_row=memory.tree_of_row,
-        layer=memory.layer,
-        layer_size=memory.layer_size,
-    )
     larger.counts[FULL] = 0
     notes = handle_of(larger)
-    refill_table(notes)
-    refill_state_table(notes)
+    if "table" not in kept:
+        refill_table(notes)
+    if "state_table" not in kept:
+        refill_state_table(notes)
     return larger
 
 
@@ -122,6 +130,7 @@ def _larger_room(memory: Memory, *, must_grow: bool) -> Room:
 def _sized(trees: int, ranks: int, room: Room, *, has_weather: bool, layers: int = 0) -> Memory:
     """Arrays of these sizes; only counts and tables are filled, with zeros."""
     places, arcs, states, labels = room.places, room.arcs, room.states, room.labels
+    label = _in_lines(labels, 8)
     return Memory(
         counts=np.zeros(11, np.int64),
         best_s=np.empty(1),
@@ -152,10 +161,12 @@ def _sized(trees: int, ranks: int, room: Room, *, has_weather: bool, layers: int
         window_s=np.empty((room.windows, 2)),
         state=np.empty((states, 4), np.int64),
         state_bound=np.empty((states, 3)),
-        state_ahead=np.empty((states, MOST_TREES - 1), np.int64),
+        state_ahead=np.empty((states, MOST_TREES - 1), np.int32),
         state_best=np.empty((states, 2)),
         state_table=np.zeros(2 * states, np.int64),
-        label=np.empty((labels, 9)),
+        label=label,
+        next_label=label.view(np.int32),
+        most_before_j=label.view(np.float32),
         not_before_s=np.empty(labels),
         link=np.empty((labels, 5), np.int64),
         period=np.empty((labels if has_weather else 0, 2), np.int64),
@@ -164,3 +175,11 @@ def _sized(trees: int, ranks: int, room: Room, *, has_weather: bool, layers: int
         layer=np.zeros(layers, np.int64),
         layer_size=np.zeros(2),
     )
+
+
+def _in_lines(rows: int, columns: int) -> Floats:
+    """An empty array whose first row begins with a cache line: no row of 64 bytes lies in two."""
+    size = rows * columns
+    values = np.empty(size + _LINE // 8)
+    skipped = -values.ctypes.data % _LINE // 8
+    return values[skipped : skipped + size].reshape(rows, columns)

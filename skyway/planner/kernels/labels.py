@@ -52,6 +52,9 @@ TOO_LATE = -3
 # Returned instead of a place in a list: a label of the list dominates.
 _BEATEN = -2
 
+# More than a float of 4 bytes is less than its number, as a share.
+_ROUNDS_UP = 1e-7
+
 # The share of a wait for a window by which the queue orders labels that wait for it.
 _SHARE_OF_WAIT = 1e-9
 
@@ -96,7 +99,7 @@ def note(
     row[LAST_LEVEL] = charge.last_level
     row[USED] = used_j
     row[LATEST] = latest_s
-    row[NEXT] = NONE
+    memory.next_label[label, NEXT] = NONE
     memory.not_before_s[label] = not_before_s
     link = memory.link[label]
     link[PARENT] = parent
@@ -213,12 +216,12 @@ def is_behind(task: Task, memory: Memory, label: int) -> bool:
     # The processor loads all of them together, and does not wait for one after another.
     for number in range(count):
         if memory.state_ahead[state, number] >= 0:
-            fetch_soon(memory.state_best, memory.state_ahead[state, number])
-            fetch_soon(memory.state, memory.state_ahead[state, number])
+            fetch_soon(memory.state_best, int64(memory.state_ahead[state, number]))
+            fetch_soon(memory.state, int64(memory.state_ahead[state, number]))
     latest_s = rank_s(task, row) + SAME_S
     needed_j = row[LAST_LEVEL] - row[USED] - task.rounding_j
     for number in range(count):
-        other = memory.state_ahead[state, number]
+        other = int64(memory.state_ahead[state, number])
         if other < 0:
             continue
         best = memory.state_best[other]
@@ -240,16 +243,24 @@ def _insert(memory: Memory, label: int, state: int, column: int, before: int) ->
         following = memory.state[state, column]
         memory.state[state, column] = label
     else:
-        following = int64(memory.label[before, NEXT])
-        memory.label[before, NEXT] = label
+        following = int64(memory.next_label[before, NEXT])
+        memory.next_label[before, NEXT] = label
         later = memory.state[state, column]
         while later != label:
-            memory.label[later, MOST_BEFORE] = max(memory.label[later, MOST_BEFORE], most_j)
-            later = int64(memory.label[later, NEXT])
-    row[NEXT] = following
-    if following >= 0:
-        most_j = max(most_j, memory.label[following, MOST_BEFORE])
-    row[MOST_BEFORE] = most_j
+            _raise_most(memory, later, most_j)
+            later = int64(memory.next_label[later, NEXT])
+    memory.next_label[label, NEXT] = following
+    memory.most_before_j[label, MOST_BEFORE] = (
+        memory.most_before_j[following, MOST_BEFORE] if following >= 0 else -np.inf
+    )
+    _raise_most(memory, label, most_j)
+
+
+@kernel
+def _raise_most(memory: Memory, label: int, most_j: float) -> None:
+    """Note that a label from here to the end of the list has this charge, rounded up."""
+    if memory.most_before_j[label, MOST_BEFORE] < most_j:
+        memory.most_before_j[label, MOST_BEFORE] = most_j + abs(most_j) * _ROUNDS_UP
 
 
 @kernel
@@ -270,11 +281,11 @@ def _is_dominated(
     label = memory.state[state, column]
     while label >= 0:
         other = memory.label[label]
-        if other[MOST_BEFORE] < needed_j:
+        if memory.most_before_j[label, MOST_BEFORE] < needed_j:
             return False
         if dominates(task, other, row, missing_j):
             return True
-        label = int64(other[NEXT])
+        label = int64(memory.next_label[label, NEXT])
     return False
 
 
@@ -299,10 +310,10 @@ def _compare(
     label = memory.state[state, column]
     while label >= 0:
         other = memory.label[label]
-        following = int64(other[NEXT])
+        following = int64(memory.next_label[label, NEXT])
         other_rank = rank_s(task, other)
         is_earlier = other_rank < rank - SAME_S
-        has_enough = other[MOST_BEFORE] >= needed_j
+        has_enough = memory.most_before_j[label, MOST_BEFORE] >= needed_j
         if (is_earlier or not may_win) and not (may_lose and has_enough):
             return behind
         if may_lose and has_enough and dominates(task, other, row, missing_j):
@@ -316,7 +327,7 @@ def _compare(
             if before < 0:
                 memory.state[state, column] = following
             else:
-                memory.label[before, NEXT] = following
+                memory.next_label[before, NEXT] = following
         else:
             before = label
             if other_rank > rank:

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
 Longs = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
@@ -59,8 +60,9 @@ LAST_POSITION: Final = 3
 LAST_LEVEL: Final = 4
 USED: Final = 5
 LATEST: Final = 6
-NEXT: Final = 7
-MOST_BEFORE: Final = 8
+# Columns of `Memory.next_label` and `Memory.most_before_j`, which are the same memory, in 4 bytes.
+NEXT: Final = 14
+MOST_BEFORE: Final = 15
 
 # Columns of `Memory.link`.
 PARENT: Final = 0
@@ -111,12 +113,13 @@ class Memory(NamedTuple):
       ``(states, 12)``: by destination the state at the same place that has delivered this one too,
       or -1. `state_best` ``(states, 2)``: the earliest time and the most charge of any label there
       so far. `state_table` finds the state of a place and mask, plus 1.
-    - `label` ``(labels, 9)``: the earliest time, the charge level at which the last pad was left
+    - `label` ``(labels, 8)``: the earliest time, the charge level at which the last pad was left
       for that time with its position on the charge curve (seconds), the highest level the pad could
       give with its position, the joules used since, the latest moment to which the drone can delay
-      its arrival in the air, the next label of its state's list, and the most charge that a label
-      from here to the end of the list can have: all that a walk through the list reads. A list
-      begins with the latest time.
+      its arrival in the air, and two numbers of 4 bytes: in `next_label` the next label of its
+      state's list, and in `most_before_j` the most charge that a label from here to the end of the
+      list can have. So all that a walk through the list reads of a label lies in one cache line. A
+      list begins with the latest time.
     - `not_before_s` by label: the moment before which the last flight or landing may not begin.
     - `link` ``(labels, 5)``: the label before, its state, how it was made, by which arc or window,
       and whether its list holds it: not, as a new label, or as a label with a `period`.
@@ -156,10 +159,12 @@ class Memory(NamedTuple):
     window_s: Floats
     state: Longs
     state_bound: Floats
-    state_ahead: Longs
+    state_ahead: Ints
     state_best: Floats
     state_table: Longs
     label: Floats
+    next_label: Ints
+    most_before_j: Singles
     not_before_s: Floats
     link: Longs
     period: Longs

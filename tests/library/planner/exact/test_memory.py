@@ -51,6 +51,15 @@ def test_only_what_is_half_full_grows() -> None:
     larger = enlarged(memory)
 
     assert (len(larger.label), len(larger.window_s), len(larger.row)) == (32, 8, 8)
+    assert larger.window_s is memory.window_s
+
+
+@pytest.mark.parametrize("labels", [8, 1 << 10, 1 << 16])
+def test_a_label_lies_in_one_cache_line(labels: int) -> None:
+    memory = new_memory(1, room=Room(places=8, arcs=8, windows=8, states=8, labels=labels))
+
+    assert memory.label.strides[0] == 64
+    assert memory.label.ctypes.data % 64 == 0
 
 
 def test_the_memory_grows_when_one_station_needs_more_than_is_left() -> None:
