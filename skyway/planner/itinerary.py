@@ -14,7 +14,7 @@ from skyway.ids import StationId
 from skyway.network.network import Segment
 from skyway.planner.airspace import SegmentEnds
 from skyway.planner.closures import Use
-from skyway.planner.flight_log import FlightLog, StepFields
+from skyway.planner.flight_log import Flight, FlightLog, StepFields
 from skyway.planner.route import Route
 from skyway.planner.situation import Situation
 from skyway.units import CHARGE_TOLERANCE, time_tolerance_s
@@ -201,14 +201,8 @@ class _RouteFlight:
         if departure.at_s == math.inf:
             raise _Stuck
         self._log.wait(until_s=departure.at_s)
-        for number, passage in enumerate(hop, start=1):
-            self._log.fly(
-                passage.segment.to_id,
-                flight_s=passage.duration_s,
-                flight_j=passage.energy_j,
-                load_kg=passage.load_kg,
-                lands=number == len(hop),
-            )
+        flights = [Flight(one.segment.to_id, one.duration_s, one.energy_j) for one in hop]
+        self._log.fly(flights, load_kg=hop[0].load_kg)
 
     def _uses(self, hop: Sequence[_Passage]) -> list[Use]:
         """The segments that a hop flies, and the station where it lands."""
