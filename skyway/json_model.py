@@ -1,6 +1,7 @@
 """The base of all models with a JSON form: frozen, strict about types and fields; a cache."""
 
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any, ClassVar, Final, Generic, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
@@ -49,6 +50,12 @@ def _tighten(schema: Any) -> None:  # a part of a core schema, which has no comm
             checked = no_info_before_validator_function(_whole, {**schema})
             schema.clear()
             schema.update(checked)
+
+
+@cache
+def _names_of(model: type[BaseModel]) -> set[str]:
+    """The names of all members; many values share this set, and changed copies have their own."""
+    return set(model.model_fields)
 
 
 class JsonModel(BaseModel):
@@ -125,7 +132,7 @@ class JsonModel(BaseModel):
         """
         value = cls.__new__(cls)
         _set(value, "__dict__", members)
-        _set(value, "__pydantic_fields_set__", set(members))
+        _set(value, "__pydantic_fields_set__", _names_of(cls))
         _set(value, "__pydantic_extra__", None)
         _set(value, "__pydantic_private__", None)
         return value

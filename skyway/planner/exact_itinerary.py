@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from skyway.drone.charging import recharge_time_s, soc_after_recharge
+from skyway.drone.charging import model_on_pad, recharge_time_s, soc_after_recharge
 from skyway.drone.flight import flight_power_w, speed_mps
 from skyway.ids import StationId
 from skyway.planner.closures import Use
@@ -118,17 +118,17 @@ class _Flight:
 
     def _recharge(self, act: Act) -> None:
         self._land()
-        log, model = self.log, self._situation.model_at(self.log.here)
+        log, power_w = self.log, self._situation.pad_power_w(self.log.here)
         until_soc = min(act.level_j / self._battery_j, self._top_soc)
         log.wait(until_s=act.not_before_s)
         if until_soc <= log.soc + _SAME_SOC:
             log.stand()
             return
-        duration_s = recharge_time_s(model, log.soc, until_soc)
+        duration_s = recharge_time_s(model_on_pad(self._model, power_w), log.soc, until_soc)
         from_ms, until_ms = booked_from_ms(log.now_s), booked_until_ms(log.now_s + duration_s)
         if from_ms < until_ms:
             self.sessions.append((log.here, from_ms, until_ms))
-            log.recharge(pad=_ANY_PAD, until_soc=until_soc, duration_s=duration_s)
+            log.recharge(pad=_ANY_PAD, power_w=power_w, until_soc=until_soc, duration_s=duration_s)
 
     def _land(self, *, not_before_s: float = -math.inf) -> None:
         """Fly all segments in the air, leaving so late that each may be flown and the landing is.
@@ -221,7 +221,7 @@ def _on_pads(
 ) -> Iterator[StepFields]:
     """The parts of the session, one in each of these windows."""
     now_s, soc = session["start_s"], session["soc_start"]
-    model = situation.model_at(session["station_id"])
+    model = model_on_pad(situation.model, session["power_w"])
     for window in windows:
         part = {**session, "pad": window.pad, "start_s": now_s, "soc_start": soc}
         reached_soc = soc_after_recharge(model, soc, window.end_s - now_s)

@@ -81,8 +81,10 @@ class FlightLog:
         self.steps.append(step)
         self.now_s = end_s
 
-    def recharge(self, *, pad: int, until_soc: float, duration_s: float) -> None:
-        """Charge on this pad until this charge, which takes so long."""
+    def recharge(
+        self, *, pad: int, power_w: float | None, until_soc: float, duration_s: float
+    ) -> None:
+        """Charge on this pad of this power until this charge, which takes so long."""
         end_s = self.now_s + duration_s
         self.steps.append(
             {
@@ -93,7 +95,7 @@ class FlightLog:
                 "end_s": end_s,
                 "soc_start": self.soc,
                 "soc_end": until_soc,
-                "power_w": self._situation.pad_power_w(self.here),
+                "power_w": power_w,
             }
         )
         self.now_s, self.soc = end_s, until_soc

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from skyway.drone.charging import recharge_time_s
+from skyway.drone.charging import model_on_pad, recharge_time_s
 from skyway.ids import StationId
 from skyway.network.network import Segment
 from skyway.planner.airspace import SegmentEnds
@@ -179,7 +179,8 @@ class _RouteFlight:
         is_enough = self._can_recharge[place] and self._is_in_reach(place, until_soc)
         if not is_enough or until_soc <= self._log.soc:
             raise _Stuck
-        duration_s = recharge_time_s(self._situation.model_at(station), self._log.soc, until_soc)
+        power_w = self._situation.pad_power_w(station)
+        duration_s = recharge_time_s(model_on_pad(model, power_w), self._log.soc, until_soc)
         session = self._situation.pads.earliest_session(
             station, not_before_s=self._log.now_s, duration_s=duration_s
         )
@@ -188,7 +189,9 @@ class _RouteFlight:
         if session is None:
             raise _Stuck
         self._log.wait(until_s=session.start_s)
-        self._log.recharge(pad=session.pad, until_soc=until_soc, duration_s=duration_s)
+        self._log.recharge(
+            pad=session.pad, power_w=power_w, until_soc=until_soc, duration_s=duration_s
+        )
 
     def _fly_hop(self, here: int, landing: int) -> None:
         """Fly from one landing to the next, leaving when all of it is open."""

@@ -55,6 +55,9 @@ class Replay:
         self._stop = self._model.stop_s, self._model.stop_j
         self._battery_j, self._reserve_soc = self._model.battery_j, self._model.reserve_soc
         self._fastest_s_per_soc = fastest_s_per_soc(self._model)
+        recharges_fully = problem.recharge_policy == "full"
+        #: The least charge with which a recharge may end.
+        self._least_soc = self._model.top_soc - CHARGE_TOLERANCE if recharges_fully else -math.inf
         #: By the number of the step: the length of its segment, and a reservation that it overlaps.
         self._length_m = lengths_flown(problem.network, steps)
         self._clashes = pad_clashes(problem, steps, booked=booked)
@@ -64,7 +67,7 @@ class Replay:
         self._has_weather = problem.weather is not None
         self._may_be_closed = self._has_weather or self._sky.has_obstacles
         self._here: StationId = problem.start_station_id
-        self._now_s = 0.0
+        self._now_s = self._lasts_s = 0.0
         #: The tolerance for moments near the end of the current step.
         self._allowed_s = time_tolerance_s(0.0)
         self._soc = problem.drone.soc
@@ -86,7 +89,8 @@ class Replay:
             self._note("time", f"starts at {start_s}, the step before ends at {self._now_s}")
         if not end_s >= start_s - TIME_TOLERANCE_S:
             self._note("time", f"ends at {end_s}, before it starts at {start_s}")
-        self._now_s, self._allowed_s = end_s, time_tolerance_s(end_s)
+        self._now_s, self._lasts_s = end_s, end_s - start_s
+        self._allowed_s = time_tolerance_s(end_s)
         if step.kind == "FLY":
             self._check_fly(step, lands=following is None or following.kind != "FLY")
             self._here, self._soc = step.to_id, step.soc_end
@@ -126,9 +130,9 @@ class Replay:
             self._note("pickup", "not exactly all packages are picked up")
         problem = self._problem
         if problem.are_on_board:
-            self._check_duration(step, 0.0)
+            self._check_duration(0.0)
         else:
-            self._check_duration(step, problem.loading_s)
+            self._check_duration(problem.loading_s)
             self._check_window(step, problem.pickup_not_before_s, problem.pickup_latest_s)
             self._check_hours(step)
         limit_kg = self._model.max_payload_kg
@@ -147,7 +151,7 @@ class Replay:
         )
         if not self._has_picked_up or sorted(step.package_ids) != due or not due:
             self._note("delivery", f"{step.package_ids} handed over, due are {due}")
-        self._check_duration(step, self._problem.dropoff_s)
+        self._check_duration(self._problem.dropoff_s)
         for package in self._problem.packages:
             if package.package_id in step.package_ids:
                 self._check_window(step, package.not_before_s, package.latest_s)
@@ -189,7 +193,7 @@ class Replay:
                 self._note("closed", "the weather closes the segment when the flight begins")
                 return
             flight_s, energy_j, air = met
-        self._check_duration(step, flight_s + stop_s)
+        self._check_duration(flight_s + stop_s)
         if not (
             abs(step.time_factor - air.longer) <= _FACTOR_TOLERANCE
             and abs(step.energy_factor - air.harder) <= _FACTOR_TOLERANCE
@@ -227,7 +231,7 @@ class Replay:
             self._note("power", f"{step.power_w} W stated, the pads give {power_w} W")
         try:
             model = model_on_pad(self._model, power_w)
-            soc_end = soc_after_recharge(model, self._soc, step.end_s - step.start_s)
+            soc_end = soc_after_recharge(model, self._soc, self._lasts_s)
         except InvalidStateOfCharge as error:
             self._note("charge", error.detail)
             return
@@ -235,8 +239,7 @@ class Replay:
         by_time = self._allowed_s / self._fastest_s_per_soc
         if not abs(step.soc_end - soc_end) <= CHARGE_TOLERANCE + by_time:
             self._note("charge", f"ends at {step.soc_end} stated, at {soc_end} by the curve")
-        is_full = step.soc_end >= self._model.top_soc - CHARGE_TOLERANCE
-        if self._problem.recharge_policy == "full" and not is_full:
+        if not step.soc_end >= self._least_soc:
             self._note("policy", f"ends at {step.soc_end}, not at the top")
 
     def _check_pad(self, step: Recharge) -> None:
@@ -254,9 +257,9 @@ class Replay:
         if clash is not None:
             self._note("pad", f"{step.pad} is reserved from {clash[0]} ms to {clash[1]} ms")
 
-    def _check_duration(self, step: Step, duration_s: float) -> None:
-        if not abs(step.end_s - step.start_s - duration_s) <= self._allowed_s:
-            self._note("duration", f"{step.end_s - step.start_s} s instead of {duration_s} s")
+    def _check_duration(self, duration_s: float) -> None:
+        if not abs(self._lasts_s - duration_s) <= self._allowed_s:
+            self._note("duration", f"{self._lasts_s} s instead of {duration_s} s")
 
     def _follow_hand_over(self) -> None:
         """Note the load, its flight, and where packages must change hands before another step."""

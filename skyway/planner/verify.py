@@ -46,8 +46,8 @@ def verify(
     """
     if not plan.is_flyable:
         return tuple(_of_no_plan(problem, plan))
-    moments = (moment_s for step in plan.steps for moment_s in (step.start_s, step.end_s))
-    if not math.isfinite(sum(moments)) and (unreal := tuple(_of_numbers(plan.steps))):
+    moments_s = sum(step.start_s + step.end_s for step in plan.steps)
+    if not math.isfinite(moments_s) and (unreal := tuple(_of_numbers(plan.steps))):
         return unreal
     replay = Replay(problem, plan.steps, booked=booked)
     for number, (step, following) in enumerate(zip_longest(plan.steps, plan.steps[1:])):
