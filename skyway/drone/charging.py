@@ -129,9 +129,11 @@ def fastest_w(model: DroneModel) -> float:
 
 def _on_curve(socs: Sequence[float], field: str, soc: float) -> float:
     lowest, top = socs[0], socs[-1]
+    if lowest <= soc <= top:
+        return soc
     if not lowest - CHARGE_TOLERANCE <= soc <= top + CHARGE_TOLERANCE:
         raise InvalidStateOfCharge(field, f"{soc} lies outside the charge curve, {lowest} to {top}")
-    return min(max(soc, lowest), top)
+    return lowest if soc < lowest else top
 
 
 def _interpolate(xs: Sequence[float], ys: Sequence[float], x: float) -> float:
@@ -141,5 +143,5 @@ def _interpolate(xs: Sequence[float], ys: Sequence[float], x: float) -> float:
         return ys[0]
     if after == len(xs):
         return ys[-1]
-    share = (x - xs[after - 1]) / (xs[after] - xs[after - 1])
-    return ys[after - 1] + (ys[after] - ys[after - 1]) * share
+    before_x, before_y = xs[after - 1], ys[after - 1]
+    return before_y + (ys[after] - before_y) * ((x - before_x) / (xs[after] - before_x))

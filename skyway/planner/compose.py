@@ -4,10 +4,21 @@ This is the planner's front door, and the file to read first. What is asked is i
 comes out in `skyway.delivery.plan`; each strategy is a file of its own, and `verify` trusts none.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
-from skyway.delivery.plan import Infeasibility, Plan, PlanStatus
+from skyway.delivery.plan import (
+    Deliver,
+    Fly,
+    Infeasibility,
+    PackageDelivery,
+    PickUp,
+    Plan,
+    PlanStatus,
+    Recharge,
+    Wait,
+)
 from skyway.errors import InvalidProblem
 from skyway.planner.airspace import Airspace
 from skyway.planner.exact import exact
@@ -34,6 +45,14 @@ STRATEGIES: Mapping[str, Strategy] = MappingProxyType(
 )
 
 DEFAULT_STRATEGY = "exact"
+
+_STEPS: Mapping[str, type[PickUp | Fly | Wait | Recharge | Deliver]] = {
+    "PICK_UP": PickUp,
+    "FLY": Fly,
+    "WAIT": Wait,
+    "RECHARGE": Recharge,
+    "DELIVER": Deliver,
+}
 
 
 def compose(
@@ -153,37 +172,33 @@ def _infeasible(infeasibility: Infeasibility) -> Plan:
 
 def flyable(itinerary: Itinerary, status: PlanStatus, lower_bound_s: float | None) -> Plan:
     """The plan of this itinerary."""
-    steps = itinerary.steps
-    flights, waits, recharges, deliveries = (
-        [step for step in steps if step["kind"] == kind]
-        for kind in ("FLY", "WAIT", "RECHARGE", "DELIVER")
-    )
-    return Plan.model_validate(
-        {
-            "status": status,
-            "delivery_time_s": itinerary.delivered_s,
-            "lower_bound_s": lower_bound_s,
-            "energy_j": sum(step["energy_j"] for step in flights),
-            "flight_s": _total_s(flights),
-            "waiting_s": _total_s(waits),
-            "recharging_s": _total_s(recharges),
-            "steps": steps,
-            "deliveries": [
-                {
-                    "package_id": package_id,
-                    "station_id": step["station_id"],
-                    "delivered_s": step["end_s"],
-                }
-                for step in deliveries
-                for package_id in step["package_ids"]
-            ],
-        }
+    by_kind = defaultdict(list)
+    for fields in itinerary.steps:
+        by_kind[fields["kind"]].append(fields)
+    # Nothing is validated here: `verify` checks every plan, and more than its types.
+    return Plan.model_construct(
+        status=status,
+        delivery_time_s=itinerary.delivered_s,
+        lower_bound_s=lower_bound_s,
+        energy_j=sum((fields["energy_j"] for fields in by_kind["FLY"]), 0.0),
+        flight_s=_total_s(by_kind["FLY"]),
+        waiting_s=_total_s(by_kind["WAIT"]),
+        recharging_s=_total_s(by_kind["RECHARGE"]),
+        steps=tuple(_STEPS[fields["kind"]].of_members(fields) for fields in itinerary.steps),
+        deliveries=tuple(
+            PackageDelivery(
+                package_id=package_id,
+                station_id=fields["station_id"],
+                delivered_s=fields["end_s"],
+            )
+            for fields in by_kind["DELIVER"]
+            for package_id in fields["package_ids"]
+        ),
     )
 
 
 def _total_s(steps: Iterable[StepFields]) -> float:
-    durations_s: Iterator[float] = (step["end_s"] - step["start_s"] for step in steps)
-    return sum(durations_s)
+    return sum((step["end_s"] - step["start_s"] for step in steps), 0.0)
 
 
 def _verified(problem: Problem, plan: Plan, booked: PadBook) -> Plan:

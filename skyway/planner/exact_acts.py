@@ -54,7 +54,7 @@ def best_acts(memory: Memory, *, is_lazy: bool) -> list[Act] | None:
     label behind it that settled the matter says.
     """
     labels = _labels_of_best(memory)
-    if not labels:
+    if not len(labels):
         return None
     links, values = memory.link[labels], memory.label[labels]
     kind = links[:, KIND]
@@ -68,11 +68,11 @@ def best_acts(memory: Memory, *, is_lazy: bool) -> list[Act] | None:
     level_j[session] = values[session, LEVEL]
     if is_lazy and len(session):
         left_with_j = level_j[session[1:]] + values[session[1:] - 1, USED]
-        level_j[session] = [*left_with_j, values[-1, LEVEL]]
+        level_j[session] = np.append(left_with_j, values[-1, LEVEL])
     return acts_of(kind, segment, level_j, memory.not_before_s[labels], period)
 
 
-def _labels_of_best(memory: Memory) -> list[int]:
+def _labels_of_best(memory: Memory) -> Longs:
     """The labels that lead to the best plan so far, from the start on; empty without a plan."""
     parents = memory.link[:, PARENT]
     labels: list[int] = []
@@ -80,4 +80,4 @@ def _labels_of_best(memory: Memory) -> list[int]:
     while label >= 0:
         labels.append(label)
         label = parents.item(label)
-    return labels[::-1]
+    return np.array(labels[::-1], np.int64)

@@ -1,6 +1,8 @@
 """A drone along its plan: each act is a step and changes time, charge and load."""
 
-from typing import Any
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 from skyway.drone.flight import soc_after_use
 from skyway.ids import PackageId, StationId
@@ -11,6 +13,20 @@ from skyway.units import time_tolerance_s
 #: The fields of a step in `skyway.delivery.plan`. A search makes many itineraries, and `compose`
 #: makes the steps of one of them.
 StepFields = dict[str, Any]
+
+
+class Flight(NamedTuple):
+    """The flight over a segment to a station, without a landing: its time, energy and air.
+
+    `row` is the row of the segment, and `not_before_s` the earliest beginning, where they matter.
+    """
+
+    to_id: StationId
+    flight_s: float
+    flight_j: float
+    air: Air = STILL_AIR
+    row: int = -1
+    not_before_s: float = -math.inf
 
 
 class FlightLog:
@@ -24,45 +40,34 @@ class FlightLog:
         self.soc = situation.problem.drone.soc
         self.steps: list[StepFields] = []
 
-    def fly(
-        self,
-        to_id: StationId,
-        *,
-        flight_s: float,
-        flight_j: float,
-        load_kg: float,
-        lands: bool,
-        air: Air = STILL_AIR,
-    ) -> None:
-        """Fly a segment to this station; a landing at its end is part of the step.
-
-        `flight_s` and `flight_j` are the time and the energy of the flight without its landing.
-        """
-        model = self._model
-        end_s, energy_j = self.now_s + flight_s, flight_j
-        if lands:
-            end_s += model.stop_s
-            energy_j += model.stop_j
-        soc = soc_after_use(model, self.soc, energy_j=energy_j)
-        self.steps.append(
-            {
-                "kind": "FLY",
-                "from_id": self.here,
-                "to_id": to_id,
-                "start_s": self.now_s,
-                "end_s": end_s,
-                "load_kg": load_kg,
-                "energy_j": energy_j,
-                "soc_end": soc,
-                "time_factor": air.time_factor,
-                "energy_factor": air.energy_factor,
-            }
-        )
-        self.here, self.now_s, self.soc = to_id, end_s, soc
+    def fly(self, flights: Sequence[Flight], *, load_kg: float) -> None:
+        """Fly these segments one after another, and land; the landing is part of the last step."""
+        model, last = self._model, len(flights) - 1
+        for number, (to_id, flight_s, flight_j, air, _, _) in enumerate(flights):
+            start_s, end_s, energy_j = self.now_s, self.now_s + flight_s, flight_j
+            if number == last:
+                end_s += model.stop_s
+                energy_j += model.stop_j
+            soc = soc_after_use(model, self.soc, energy_j=energy_j)
+            self.steps.append(
+                {
+                    "kind": "FLY",
+                    "from_id": self.here,
+                    "to_id": to_id,
+                    "start_s": start_s,
+                    "end_s": end_s,
+                    "load_kg": load_kg,
+                    "energy_j": energy_j,
+                    "soc_end": soc,
+                    "time_factor": air.time_factor,
+                    "energy_factor": air.energy_factor,
+                }
+            )
+            self.here, self.now_s, self.soc = to_id, end_s, soc
 
     def wait(self, *, until_s: float) -> None:
         """Stand until this moment; no step if the moment has come, within the tolerance."""
-        if until_s > self.now_s + time_tolerance_s(until_s) / 2:
+        if until_s > self.now_s and until_s > self.now_s + time_tolerance_s(until_s) / 2:
             self._stand_until(until_s)
 
     def stand(self) -> None:
@@ -76,8 +81,10 @@ class FlightLog:
         self.steps.append(step)
         self.now_s = end_s
 
-    def recharge(self, *, pad: int, until_soc: float, duration_s: float) -> None:
-        """Charge on this pad until this charge, which takes so long."""
+    def recharge(
+        self, *, pad: int, power_w: float | None, until_soc: float, duration_s: float
+    ) -> None:
+        """Charge on this pad of this power until this charge, which takes so long."""
         end_s = self.now_s + duration_s
         self.steps.append(
             {
@@ -88,7 +95,7 @@ class FlightLog:
                 "end_s": end_s,
                 "soc_start": self.soc,
                 "soc_end": until_soc,
-                "power_w": self._situation.pad_power_w(self.here),
+                "power_w": power_w,
             }
         )
         self.now_s, self.soc = end_s, until_soc

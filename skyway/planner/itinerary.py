@@ -9,12 +9,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from skyway.drone.charging import recharge_time_s
+from skyway.drone.charging import model_on_pad, recharge_time_s
 from skyway.ids import StationId
 from skyway.network.network import Segment
 from skyway.planner.airspace import SegmentEnds
 from skyway.planner.closures import Use
-from skyway.planner.flight_log import FlightLog, StepFields
+from skyway.planner.flight_log import Flight, FlightLog, StepFields
 from skyway.planner.route import Route
 from skyway.planner.situation import Situation
 from skyway.units import CHARGE_TOLERANCE, time_tolerance_s
@@ -179,7 +179,8 @@ class _RouteFlight:
         is_enough = self._can_recharge[place] and self._is_in_reach(place, until_soc)
         if not is_enough or until_soc <= self._log.soc:
             raise _Stuck
-        duration_s = recharge_time_s(self._situation.model_at(station), self._log.soc, until_soc)
+        power_w = self._situation.pad_power_w(station)
+        duration_s = recharge_time_s(model_on_pad(model, power_w), self._log.soc, until_soc)
         session = self._situation.pads.earliest_session(
             station, not_before_s=self._log.now_s, duration_s=duration_s
         )
@@ -188,7 +189,9 @@ class _RouteFlight:
         if session is None:
             raise _Stuck
         self._log.wait(until_s=session.start_s)
-        self._log.recharge(pad=session.pad, until_soc=until_soc, duration_s=duration_s)
+        self._log.recharge(
+            pad=session.pad, power_w=power_w, until_soc=until_soc, duration_s=duration_s
+        )
 
     def _fly_hop(self, here: int, landing: int) -> None:
         """Fly from one landing to the next, leaving when all of it is open."""
@@ -201,14 +204,8 @@ class _RouteFlight:
         if departure.at_s == math.inf:
             raise _Stuck
         self._log.wait(until_s=departure.at_s)
-        for number, passage in enumerate(hop, start=1):
-            self._log.fly(
-                passage.segment.to_id,
-                flight_s=passage.duration_s,
-                flight_j=passage.energy_j,
-                load_kg=passage.load_kg,
-                lands=number == len(hop),
-            )
+        flights = [Flight(one.segment.to_id, one.duration_s, one.energy_j) for one in hop]
+        self._log.fly(flights, load_kg=hop[0].load_kg)
 
     def _uses(self, hop: Sequence[_Passage]) -> list[Use]:
         """The segments that a hop flies, and the station where it lands."""

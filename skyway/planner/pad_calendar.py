@@ -68,16 +68,16 @@ class PadCalendar:
         """How many pads the station has."""
         return self._network.columns.pads.item(self._network.row_of[station_id])
 
-    def taken_during(self, sessions: Sequence[tuple[StationId, float, float]]) -> list[list[Taken]]:
+    def taken_during(self, sessions: Sequence[tuple[StationId, int, int]]) -> list[list[Taken]]:
         """For each session the reservations at its station that overlap it.
 
-        A session is a station, and the seconds at which it starts and ends.
+        A session is a station, and the milliseconds from which and until which it holds a pad.
         """
         taken: list[list[Taken]] = [[] for _ in sessions]
         row_of = self._network.row_of
         rows = np.array([row_of[station_id] for station_id, _, _ in sessions], np.int32)
-        from_ms = np.array([booked_from_ms(start_s) for _, start_s, _ in sessions], np.int64)
-        until_ms = np.array([booked_until_ms(end_s) for _, _, end_s in sessions], np.int64)
+        from_ms = np.array([start_ms for _, start_ms, _ in sessions], np.int64)
+        until_ms = np.array([end_ms for _, _, end_ms in sessions], np.int64)
         for book in self._books:
             for number, reserved in book.meeting(rows, from_ms=from_ms, until_ms=until_ms):
                 taken[number].append(reserved)

@@ -32,12 +32,14 @@ _Span = tuple[float, float]
 def lengths_flown(network: Network, steps: Sequence[Step]) -> dict[int, float]:
     """The metres of each segment flown, by the number of the step; without missing segments."""
     row_of, leaving = network.row_of, network.outgoing
-    flights = [
-        (number, row_of[step.from_id], row_of.get(step.to_id, -1))
+    flights = {
+        number: step
         for number, step in enumerate(steps)
         if step.kind == "FLY" and step.from_id in row_of
-    ]
-    number, start, end = np.array(flights, np.int64).reshape(-1, 3).T
+    }
+    number = np.array(list(flights), np.int64)
+    start = np.array([row_of[step.from_id] for step in flights.values()], np.int64)
+    end = np.array([row_of.get(step.to_id, -1) for step in flights.values()], np.int64)
     first = leaving.offsets[start]
     flight, entry = _entries(first, leaving.offsets[start + 1] - first)
     is_flown = leaving.station[entry] == end[flight]

@@ -81,10 +81,6 @@ class Situation:
         """The drone's model with its charge curve at the network's strongest pads."""
         return model_on_pad(self.model, self.network.pad_powers.steps_w[0])
 
-    def model_at(self, station_id: StationId) -> DroneModel:
-        """The drone's model with its charge curve at the pads of this station."""
-        return model_on_pad(self.model, self.pad_power_w(station_id))
-
     def pad_power_w(self, station_id: StationId) -> float | None:
         """The power that each pad of this station gives, watts; None without a limit."""
         return self.network.pad_powers.limited_w.get(station_id)

@@ -1,10 +1,21 @@
-"""The cache of JSON values: a recent text is not parsed again, another text is."""
+"""Values made of their members, and the cache: only a text that is not recent is parsed."""
 
 from skyway.json_model import JsonCache, JsonModel
 
 
 class Note(JsonModel):
     text: str
+
+
+def test_a_value_of_its_members_equals_the_validated_value() -> None:
+    members, validated = {"text": "a"}, Note(text="a")
+
+    made = Note.of_members(members)
+
+    assert (made, hash(made), repr(made)) == (validated, hash(validated), repr(validated))
+    assert made.model_fields_set == validated.model_fields_set
+    assert made.model_copy(update={"text": "b"}) == Note(text="b")
+    assert made.model_dump_json() == validated.model_dump_json()
 
 
 def test_a_written_value_is_read_without_parsing() -> None:

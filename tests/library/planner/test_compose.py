@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from skyway.delivery.plan import Plan
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidProblem
 from skyway.ids import StationId
@@ -20,6 +21,7 @@ from skyway.planner.airspace import Airspace
 from skyway.planner.problem import Problem
 from skyway.planner.stop import LabelLimit, never
 from skyway.planner.verify import verify
+from tests.library.planner.damages.good_plans import good_plans
 from tests.library.planner.outcomes import delivery_time_s, lower_bound_s
 
 BOUNDED = settings(max_examples=50)
@@ -140,6 +142,14 @@ def test_every_plan_is_accepted_by_verify(random_problem, strategy: str, seed: i
     plan = compose(problem)
 
     assert verify(problem, plan) == ()
+
+
+def test_every_plan_equals_what_is_read_from_its_json():
+    """Plans are made without validation; the text of a float differs from that of an integer."""
+    for good in good_plans():
+        read = Plan.model_validate_json(good.plan.model_dump_json())
+
+        assert repr(read) == repr(good.plan)
 
 
 def test_random_problems_include_all_kinds(random_problem):

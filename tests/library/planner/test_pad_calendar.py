@@ -101,7 +101,9 @@ def test_a_session_is_split_onto_the_pads_that_stay_free_longest(calendar_of):
     calendar = calendar_of((0, 10.0, 40.0), (1, 0.0, 5.0), (1, 25.0, None), pads=2)
     sessions = [("b", 0.0, 50.0), ("b", 5.0, 20.0), ("b", 41.0, 60.0), ("a", 0.0, 9.0)]
 
-    taken = calendar.taken_during(sessions)
+    taken = calendar.taken_during(
+        [(station_id, int(1000 * a), int(1000 * b)) for station_id, a, b in sessions]
+    )
 
     windows = [
         [(one.pad, one.start_s, one.end_s) for one in windows_on_end(each, 2, from_s=a, until_s=b)]

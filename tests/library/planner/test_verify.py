@@ -1,5 +1,6 @@
 """Every kind of broken plan is caught. A broken plan is a good plan with one change."""
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -112,6 +113,14 @@ def test_deliveries_that_contradict_the_steps_are_caught(problem, plan):
 
     assert "deliveries" in rules(problem, plan.model_copy(update={"deliveries": (early, second)}))
     assert "deliveries" in rules(problem, plan.model_copy(update={"deliveries": (first,)}))
+
+
+def test_energies_that_are_not_finite_are_named_even_if_they_have_no_sum(problem, plan):
+    endless = with_step(with_step(plan, 1, energy_j=math.inf), 3, energy_j=-math.inf)
+
+    found = [(violation.step, violation.rule) for violation in verify(problem, endless)]
+
+    assert found == [(1, "finite"), (3, "finite")]
 
 
 def test_a_payload_that_was_ignored_is_caught(problem, plan):
