@@ -50,8 +50,10 @@ _MOST_WAITING: Final = 500
 #: agreed price, or saves too little.
 NotBetter = Literal["unsearched", "failed", "kept", "no plan now", "no plan", "promise", "no gain"]
 
-#: After these a fleet is not searched again until its calendars change.
-_SAME_AGAIN: Final = ("kept", "no plan", "promise", "no gain")
+#: After these a search has been in vain. So many searches in vain, each with other random numbers,
+#: are made until the calendars of the fleet change. Our own choice.
+_IN_VAIN: Final = ("kept", "no plan", "promise", "no gain")
+_MOST_IN_VAIN: Final = 4
 
 #: How often an order is searched until each of its missions has a plan that breaks no promise. Our
 #: own choice.
@@ -86,7 +88,7 @@ class DispatchTerms:
 class OrderFinder:
     """Finds better orders.
 
-    A fleet for which there was none is searched again when its calendars or idle drones change.
+    A fleet that was searched in vain several times waits until its calendars or idle drones change.
     """
 
     context: Context
@@ -95,7 +97,8 @@ class OrderFinder:
     terms: DispatchTerms
     #: The most waiting missions of providers that are searched together.
     most_together: int = _MOST_WAITING
-    _searched: dict[Searched, Orders] = field(default_factory=dict)
+    #: The orders for which none was better, and how often they were searched.
+    _in_vain: dict[Searched, tuple[Orders, int]] = field(default_factory=dict)
 
     async def fleets(self) -> list[Searched]:
         """The networks and providers in which missions may move; all others are forgotten.
@@ -113,8 +116,8 @@ class OrderFinder:
             for provider_id in waiting:
                 together = sorted(exchanging) if provider_id in exchanging else [provider_id]
                 fleets[network_id, *together] = None
-        for gone in self._searched.keys() - fleets.keys():
-            del self._searched[gone]
+        for gone in self._in_vain.keys() - fleets.keys():
+            del self._in_vain[gone]
         return [*fleets]
 
     async def _exchanging(self, network_id: NetworkId) -> Mapping[ProviderId, Tariff]:
@@ -141,12 +144,14 @@ class OrderFinder:
         idle = await idle_drones(self.context, self.registry, fleet, world, times)
         calendars = {**fleet.calendars, **free_to_take_off(idle, world, times).calendars}
         fleet = replace(fleet, calendars=calendars).only([*calendars][:MAX_DRONES])
-        is_known = self._searched.get((network_id, *provider_ids)) == fleet.orders
-        if is_known or not _can_improve(fleet):
+        orders, in_vain = self._in_vain.get((network_id, *provider_ids), (None, 0))
+        if orders != fleet.orders:
+            in_vain = 0
+        if in_vain == _MOST_IN_VAIN or not _can_improve(fleet):
             return "unsearched"
         found = await self._better(fleet, world, times)
-        if found in _SAME_AGAIN:
-            self._searched[network_id, *provider_ids] = fleet.orders
+        if found in _IN_VAIN:
+            self._in_vain[network_id, *provider_ids] = fleet.orders, in_vain + 1
         return found
 
     async def _better(self, fleet: Fleet, world: World, times: Moments) -> BetterOrder | NotBetter:

@@ -251,15 +251,20 @@ async def test_a_drone_out_of_service_or_due_for_maintenance_gets_no_mission(
 
 
 @_on_sqlite
-async def test_a_calendar_that_has_not_changed_is_not_searched_again(world: BusyWorld) -> None:
+async def test_calendars_are_searched_four_times_in_vain_and_again_after_a_change(
+    world: BusyWorld,
+) -> None:
     await book(world, "dlv1", "a", "b")
     await book(world, "dlv2", "b", "c")
     await book(world, "dlv3", "c", "a")
     dispatcher = dispatcher_of(world)
 
-    outcomes = [await dispatcher.look_at(NETWORK_ID, PROVIDER) for _ in range(2)]
+    outcomes = [await dispatcher.look_at(NETWORK_ID, PROVIDER) for _ in range(5)]
+    await book(world, "dlv4", "a", "b")
+    after_change = await dispatcher.look_at(NETWORK_ID, PROVIDER)
 
-    assert outcomes == ["kept", "unsearched"]
+    assert outcomes == ["kept", "kept", "kept", "kept", "unsearched"]
+    assert after_change != "unsearched"
 
 
 @_on_sqlite
