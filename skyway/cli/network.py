@@ -173,7 +173,7 @@ def weather(
         typer.Option(help="Of a NetCDF file with the wind of several heights: metres, if not 10."),
     ] = None,
     remove: Annotated[
-        bool, typer.Option("--remove", help="Remove the forecast; plans assume still air again.")
+        bool, typer.Option("--remove", help="Plan in still air until drones measure wind.")
     ] = False,
     network_id: _NetworkIdOption = BUNDLED_NETWORK_ID,
     data: DataOption = None,

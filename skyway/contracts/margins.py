@@ -97,9 +97,8 @@ class Margins(WireModel):
             ge=0,
             exclude_if=lambda value: value is None,
             description="How late the wind makes a package in nine of ten cases, at most, as a "
-            "share of the planned time: the error of the forecast, or the wind that drones measure "
-            "if there is no forecast. The P90 uses it until enough lateness is learned. Left out "
-            "if nothing is known of the wind.",
+            "share of the planned time: by the error of the forecast or of the measured wind. The "
+            "P90 uses it until enough lateness is learned. Left out if no wind is known.",
         ),
     ] = None
     air: Annotated[

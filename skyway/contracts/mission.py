@@ -111,7 +111,7 @@ class DeliveryMission(WireModel):
     ] = Margins()
     weather: Annotated[
         WeatherNote | None,
-        Field(description="The weather forecast that the plan uses; null if it assumes still air."),
+        Field(description="The forecast or measured wind that the plan uses; null in still air."),
     ] = None
     firm_at: Annotated[
         FleetMoment | None,

@@ -100,9 +100,7 @@ class OfferTerms(WireModel):
     margins: Annotated[Margins, Field(description="What the plan has on top of what it needs.")]
     weather: Annotated[
         WeatherNote | None,
-        Field(
-            description="The weather forecast that the plans use; null if they assume still air."
-        ),
+        Field(description="The forecast or measured wind that the plans use; null in still air."),
     ] = None
     score: Annotated[float, Field(description="What offers are ranked by; lower is better.")]
     no_shows: Annotated[

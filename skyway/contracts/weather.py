@@ -1,6 +1,7 @@
 """Forecasts as operators send them (a grid, or reports from places), and how they are shown."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from datetime import timedelta
 from itertools import pairwise
 from math import hypot
 from typing import Annotated, Any, Final, Literal, Self, TypeVar
@@ -20,6 +21,9 @@ MAX_REPORTS: Final = 20_000
 
 #: The strongest wind that is believed, metres per second: the strongest gust ever measured had 113.
 MAX_WIND_MPS: Final = 100.0
+
+#: The source of the air as drones measure it: plans of a network without a forecast use it.
+MEASURED: Final = "MEASURED"
 
 _VARIABLES: Final = (
     "wind_speed_mps",
@@ -269,6 +273,15 @@ class ForecastDocument(_FewMembers):
         ),
     ] = None
 
+    @classmethod
+    def measured(cls, values: Mapping[str, float], at: Moment, *, holds_s: float) -> Self:
+        """Air as drones measured it, which counts everywhere; `values` by the grid's names."""
+        grid: dict[str, Any] = {name: (((each,),),) * 2 for name, each in values.items()}
+        # The values of the last time hold as long as those before it.
+        time = at, at + timedelta(seconds=holds_s / 2)
+        place = {"latitude": (0.0,), "longitude": (0.0,)}
+        return cls(source=MEASURED, issued_at=at, grid=WeatherGrid(time=time, **place, **grid))
+
     @model_validator(mode="after")
     def _has_one_form(self) -> Self:
         if (self.grid is None) == (self.reports is None):
@@ -277,7 +290,10 @@ class ForecastDocument(_FewMembers):
 
 
 class MeasuredWind(WireModel):
-    """By how much the wind that drones measured differs from a forecast, at some of its places."""
+    """By how much the wind that drones measured differs from a forecast, at some of its places.
+
+    Without a forecast it differs so much from still air, in the whole network: place 0.
+    """
 
     at: FleetMoment
     places: tuple[tuple[int, float, float], ...]
@@ -285,17 +301,21 @@ class MeasuredWind(WireModel):
 
 
 class WeatherNote(WireModel):
-    """The weather forecast that a plan uses."""
+    """The weather that a plan uses."""
 
-    source: Annotated[str, Field(description="Who measured or computed it.")]
+    source: Annotated[
+        str, Field(description="Who computed the forecast, or MEASURED: drones in flight did.")
+    ]
     issued_at: FleetMoment
 
 
 class WeatherInForce(JsonModel):
-    """The forecast that the plans of a network use."""
+    """The forecast that the plans of a network use, or the wind that its drones measure."""
 
     network_id: Annotated[NetworkId, Field(description="Id of the network.")]
-    source: Annotated[str, Field(description="Who measured or computed the values.")]
+    source: Annotated[
+        str, Field(description="Who computed the forecast, or MEASURED: drones in flight did.")
+    ]
     issued_at: FleetMoment
     age_s: Annotated[float, Field(description="Seconds since it was issued, fleet time.")]
     received_at: FleetMoment

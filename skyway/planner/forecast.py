@@ -6,6 +6,7 @@ air is still. Our own choice: wind changes within hours, and a plan must not rel
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -50,7 +51,8 @@ _LONG_BEFORE_S: Final = 400 * 86_400.0
 _VALUES: Final = ("east_mps", "north_mps", "gust_mps", "temperature_c", "error_mps")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+# Without slots, because whether the air is still is computed on first use and cached.
+@dataclass(frozen=True, eq=False)
 class Forecast:
     """Wind and temperature at k places in p periods that follow one another.
 
@@ -128,6 +130,12 @@ class Forecast:
             return MILD_C
         left = 1.0 if faded is None else FADING[faded]
         return MILD_C + left * (float(self.temperature_c[min(period, periods - 1)].mean()) - MILD_C)
+
+    @cached_property
+    def is_still(self) -> bool:
+        """Whether flights need as much time and energy as in still air, and are allowed."""
+        wind = self.field()
+        return not (wind.gust_mps.any() or wind.error_mps.any() or (wind.energy_factor > 1).any())
 
     @property
     def strongest_mps(self) -> float:

@@ -1,7 +1,6 @@
 """What is known of the air on the flights of a plan, and how late it may make the plan.
 
-A plan in a forecast has the wind of its flights already: only the error of the forecast makes it
-late. A plan in still air is late by all the wind that drones in flight measure, and by its error.
+A plan has the wind of its flights already: only the error of this wind makes it late.
 """
 
 import math
@@ -12,13 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from skyway.delivery.lateness import COVERED, Conditions, KnownAir
+from skyway.delivery.lateness import COVERED, Conditions, KnownAir, KnownBy
 from skyway.delivery.plan import Fly, Plan
 from skyway.drone.model import DroneModel
-from skyway.geo import bearing_rad
-from skyway.network.network import Network
 from skyway.planner.energy_risk import FORECAST_ERROR_MPS
-from skyway.planner.forecast import MILD_C, Forecast
+from skyway.planner.forecast import Forecast
 from skyway.planner.kernels.memory import Floats
 from skyway.planner.weather import segment_rows
 from skyway.planner.wind import SegmentWind
@@ -27,15 +24,6 @@ from skyway.planner.wind import SegmentWind
 _DEVIATIONS: Final = NormalDist().inv_cdf(COVERED)
 #: The largest share by which a flight counts as longer. Our own choice.
 _MOST_LATE: Final = 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class MeasuredAir:
-    """How fast the air moves to the east and to the north, and its temperature, as measured."""
-
-    east_mps: float
-    north_mps: float
-    temperature_c: float = MILD_C
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +49,7 @@ def air_in_forecast(
     flights: Sequence[Fly],
     *,
     start_s: float,
+    source: KnownBy = "FORECAST",
 ) -> AirOfPlan:
     """The air of a plan that begins at `start_s` of the forecast's clock and uses the forecast.
 
@@ -71,41 +60,11 @@ def air_in_forecast(
     on_flights = wind.of_flights(segments, at_s, least_error_mps=FORECAST_ERROR_MPS)
     later = on_flights.in_error(model, _DEVIATIONS)
     known = KnownAir(
-        source="FORECAST",
+        source=source,
         wind_mps=_mean_mps(on_flights, flights),
         temperature_c=round(forecast.mean_temperature_c(start_s), 1),
     )
     return AirOfPlan(known, _late_share(later, flights))
-
-
-def air_as_measured(
-    network: Network, measured: MeasuredAir, model: DroneModel, flights: Sequence[Fly]
-) -> AirOfPlan:
-    """The air of a plan in still air; `flights` has at least one flight."""
-    stations = network.stations
-    course_rad = np.array(
-        [
-            bearing_rad(stations[each.from_id].position, stations[each.to_id].position)
-            for each in flights
-        ]
-    )[None, :]
-    east, north = np.sin(course_rad), np.cos(course_rad)
-    ones = np.ones_like(course_rad)
-    wind = SegmentWind(
-        network,
-        edges_s=np.array([-math.inf, math.inf]),
-        along_mps=measured.east_mps * east + measured.north_mps * north,
-        across_mps=np.abs(measured.east_mps * north - measured.north_mps * east),
-        gust_mps=ones * math.hypot(measured.east_mps, measured.north_mps),
-        energy_factor=ones,
-        error_mps=ones * FORECAST_ERROR_MPS,
-    )
-    known = KnownAir(
-        source="MEASURED",
-        wind_mps=_mean_mps(wind, flights),
-        temperature_c=round(measured.temperature_c, 1),
-    )
-    return AirOfPlan(known, _late_share(wind.in_error_and_wind(model, _DEVIATIONS), flights))
 
 
 def _mean_mps(wind: SegmentWind, flights: Sequence[Fly]) -> float:

@@ -1,7 +1,7 @@
-"""The wind that drones measure corrects a forecast near them, for the next hours.
+"""The wind that drones measure: the air of a network without a forecast, or what corrects one.
 
-Each provider has one vote at a place, the median of its drones; the forecast has a vote too. The
-median of all votes counts, so the drones of one provider change nothing alone.
+Each provider has one vote, the median of its drones. A forecast has a vote too, at each place. The
+median of all votes counts, so the drones of one provider do not change a forecast alone.
 """
 
 import json
@@ -9,13 +9,13 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from math import hypot, sqrt
 from statistics import median
 from typing import Final
 
 import numpy as np
 
 from skyway.planner.forecast import MILD_C, Forecast
-from skyway.planner.known_air import MeasuredAir
 from skyway.planner.wind import nearest_places, weights_of
 from skyway.units import moment_to_ms
 
@@ -28,6 +28,21 @@ NEAR_M: Final = 50_000.0
 _STEP_MPS: Final = 0.5
 _MOST_MPS: Final = 15.0
 
+#: The strongest wind that the drones of one provider alone can report for a network without a
+#: forecast, metres per second. Our own choice.
+_MOST_ALONE_MPS: Final = 10.0
+
+#: The standard deviation of gusts near the ground, as a share of the mean wind. Our own choice.
+_GUSTS: Final = 0.33
+
+#: How long measured air holds for the flights of a plan, seconds. Our own choice: if it faded soon,
+#: plans would wait for a calm of which nothing is known.
+HOLDS_S: Final = 86_400.0
+
+#: The temperatures at which batteries of drones work, degrees Celsius (those of the DJI TB60 from
+#: -20 to 50). A faulty or lying drone may report others.
+_COLDEST_C, _WARMEST_C = -20.0, 60.0
+
 #: What is left of a correction after each hour. Our own choice: after some hours the weather has
 #: changed.
 _LEFT_AN_HOUR: Final = 0.5
@@ -35,6 +50,36 @@ _HOUR_S: Final = 3_600.0
 
 #: The wind by which a place is corrected: to the east and north, metres per second.
 Correction = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredAir:
+    """How fast the air moves to the east and to the north, and its temperature, as measured."""
+
+    east_mps: float
+    north_mps: float
+    temperature_c: float = MILD_C
+    #: How many drones have measured it.
+    drones: int = 1
+
+    @property
+    def error_mps(self) -> float:
+        """The standard error of the wind of a flight: its own gusts, and those of the mean.
+
+        Gusts grow with the wind. Rounded down to a multiple of the step: in calm air it is 0.
+        """
+        gust_mps = _GUSTS * hypot(self.east_mps, self.north_mps)
+        return gust_mps * sqrt(1 + 1 / self.drones) // _STEP_MPS * _STEP_MPS
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """The values by the names that a forecast has for them."""
+        return {
+            "eastward_wind_mps": self.east_mps,
+            "northward_wind_mps": self.north_mps,
+            "temperature_c": self.temperature_c,
+            "error_mps": self.error_mps,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +122,9 @@ def measurements_of(states: Iterable[tuple[str, str]]) -> Iterator[Measurement]:
 def air_of(measured: Iterable[Measurement], *, now_s: float) -> MeasuredAir | None:
     """The air of a network without a forecast; None if no drone has measured it lately.
 
-    Each provider has one vote, the median of its drones, and the median of all votes counts.
+    Of two middle votes the vote nearer to still and mild air counts. If the drones of one provider
+    alone have measured, a wind above `_MOST_ALONE_MPS` counts as this: a lie then slows all plans,
+    but closes no segment to drones that fly in such a wind.
     """
     by_provider: dict[str, list[Measurement]] = defaultdict(list)
     for each in measured:
@@ -86,13 +133,19 @@ def air_of(measured: Iterable[Measurement], *, now_s: float) -> MeasuredAir | No
     if not by_provider:
         return None
 
-    def voted(value: Callable[[Measurement], float]) -> float:
-        return median(median(map(value, own)) for own in by_provider.values())
+    def votes(value: Callable[[Measurement], float]) -> list[float]:
+        return [median(map(value, own)) for own in by_provider.values()]
 
+    east_mps, north_mps = votes(lambda each: each.east_mps), votes(lambda each: each.north_mps)
+    if len(by_provider) == 1:
+        most = min(1.0, _MOST_ALONE_MPS / max(hypot(east_mps[0], north_mps[0]), _STEP_MPS))
+        east_mps, north_mps = [most * east_mps[0]], [most * north_mps[0]]
+    warmer_c = _middle(votes(lambda each: each.temperature_c - MILD_C))
     return MeasuredAir(
-        east_mps=round(voted(lambda each: each.east_mps) / _STEP_MPS) * _STEP_MPS,
-        north_mps=round(voted(lambda each: each.north_mps) / _STEP_MPS) * _STEP_MPS,
-        temperature_c=round(voted(lambda each: each.temperature_c)),
+        east_mps=_rounded(east_mps),
+        north_mps=_rounded(north_mps),
+        drones=sum(map(len, by_provider.values())),
+        temperature_c=round(min(max(MILD_C + warmer_c, _COLDEST_C), _WARMEST_C)),
     )
 
 
@@ -148,9 +201,13 @@ def _decided(by_provider: Mapping[str, Sequence[Correction]]) -> Correction:
 
 
 def _rounded(votes_mps: Sequence[float]) -> float:
-    """The median vote in steps; of two middle votes the vote nearer to the forecast."""
-    ordered = sorted(votes_mps)
-    middle = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
-    nearer = min(middle, key=abs)
-    limited = min(_MOST_MPS, max(-_MOST_MPS, nearer))
+    """The median vote in steps, within the limit."""
+    limited = min(_MOST_MPS, max(-_MOST_MPS, _middle(votes_mps)))
     return round(limited / _STEP_MPS) * _STEP_MPS + 0.0
+
+
+def _middle(votes: Sequence[float]) -> float:
+    """The median vote; of two middle votes the vote nearer to 0."""
+    ordered = sorted(votes)
+    middle = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
+    return min(middle, key=abs)

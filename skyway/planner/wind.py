@@ -162,13 +162,6 @@ class SegmentWind:
         worse = _most(_slowed, model, self.along_mps, self.across_mps, wrong_mps)
         return np.where(is_open, np.log(np.maximum(worse, planned) / planned), 0.0)
 
-    def in_error_and_wind(self, model: DroneModel, deviations: float) -> Floats:
-        """``(p, n)``: the same against flights in still air, which this wind and its error slow."""
-        wrong_mps = deviations * self.error_mps
-        return np.log(
-            np.maximum(_most(_slowed, model, self.along_mps, self.across_mps, wrong_mps), 1.0)
-        )
-
     def weather(self, model: DroneModel, *, limit_mps: float) -> Weather:
         """The weather for drones of this model; see `weather_of_wind`."""
         against_mps = self.along_mps - self.error_mps

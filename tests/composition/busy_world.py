@@ -28,6 +28,7 @@ from skyway_composition.missions.timeouts import (
     LoadingTimeouts,
     OverdueMissions,
 )
+from skyway_composition.networks.measure_wind import MeasuredWinds
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.quarantine.set_aside import Quarantine
@@ -82,6 +83,9 @@ _OVER_WITHIN = timedelta(hours=30)
 
 #: While the missions of a story end, the invariants are checked this often, and once afterwards.
 _CHECKED_EVERY = timedelta(hours=4)
+
+#: What composition repeats while time passes.
+Sweep = LateMissions | LoadingTimeouts | GroundStopEnforcer | OverdueMissions | MeasuredWinds
 
 
 class BusyWorld:
@@ -151,7 +155,7 @@ class BusyWorld:
         quarantine = Quarantine(db, clock=clock, mint=mint, listening=listening)
         self.handler = ReportHandler(context, quarantine)
         self.replanner = Replanner(context, "hot", self.closings)
-        self.sweeps = (
+        self.sweeps: tuple[Sweep, ...] = (
             LateMissions(context),
             LoadingTimeouts(context),
             GroundStopEnforcer(context, self.closings),

@@ -18,6 +18,7 @@ from typing import Any, Final
 
 from skyway_composition.missions.mission.store import MissionFilter, page
 from skyway_composition.networks.change_weather import WeatherChanges
+from skyway_composition.networks.measure_wind import MeasuredWinds
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.publish import read_content
 from skyway_composition.networks.station_store import replace_stations
@@ -82,6 +83,11 @@ class DayWorld(BusyWorld):
         row = VersionRow(NETWORK_ID, 1, content.sha256, self.now_ms)
         await add_version(tx, row, content=content.geojson)
         await replace_stations(tx, NETWORK_ID, content.network.stations.values())
+
+    def restart(self) -> None:
+        """With the loop that makes weather of what drones measure."""
+        super().restart()
+        self.sweeps = (*self.sweeps, MeasuredWinds(self.db, self.clock, Wake()))
 
     def make_drones(self) -> Iterator[FlownDrone]:
         """The drones at homes all over the corridor."""

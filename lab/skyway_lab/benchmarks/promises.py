@@ -2,8 +2,8 @@
 
 `python -m skyway_lab promises [--deliveries 600] [--seeds 1,2]` plans deliveries of one package in
 the Texas corridor on calm, windy, cold and stormy days, with a forecast that is wrong by 1 m/s and
-without one, and flies them as the experiment `weather` does. Without a forecast plans assume still
-air, and the wind and temperature of the day are known as drones in flight measure them. The days
+without one, and flies them as the experiment `weather` does. Without a forecast plans use the wind
+and temperature that drones in flight measured just before, which fade as in composition. The days
 come mixed at random, or in blocks of 100 deliveries of one kind. The P90 of each is learned from
 the deliveries before. The first 400 of each order are not counted. The figures do not depend on the
 machine.
@@ -12,11 +12,12 @@ machine.
 import argparse
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import fmean
 from typing import Final, Literal
 
+import numpy as np
 from skyway_lab.benchmarks.planner.table import Table
 from skyway_lab.experiments.contest import EXACT
 from skyway_lab.experiments.figures import Axis, Stack, draw_groups
@@ -27,13 +28,16 @@ from skyway_lab.experiments.weather_day import DAYS, KindOfDay, Velocity, Weathe
 from skyway.delivery.lateness import (
     MOST_RECHARGES,
     Conditions,
+    KnownBy,
     PackageArrival,
     late_share,
     later_by_s,
 )
 from skyway.delivery.plan import Fly, Plan
 from skyway.planner.compose import compose
-from skyway.planner.known_air import MeasuredAir, air_as_measured, air_in_forecast
+from skyway.planner.forecast import planned_weather
+from skyway.planner.known_air import air_in_forecast
+from skyway.planner.measured_wind import HOLDS_S, MeasuredAir
 from skyway.planner.problem import Problem
 from skyway.planner.wind import SegmentWind
 
@@ -113,19 +117,18 @@ def _planned(
         "time_limit_s": 20.0,
     }
     seen_mps = _seen(day, has_forecast=has_forecast, seed=seed)
-    if has_forecast:
-        changes["weather"] = day.kind.planned_weather(problem.network, model, seen_mps)
+    forecast = day.kind.forecast(problem.network, seen_mps)
+    if not has_forecast:
+        error_mps = np.full((1, 1), MeasuredAir(*seen_mps, drones=_MEASURING).error_mps)
+        forecast = replace(forecast, edges_s=np.array([0.0, HOLDS_S]), error_mps=error_mps)
+    wind = SegmentWind.of(problem.network, forecast.field())
+    changes["weather"] = planned_weather(wind, model)
     plan = compose(problem.model_copy(update=changes))
     flights = [step for step in plan.steps if isinstance(step, Fly)]
     if not plan.delivery_time_s or not flights:
         return None
-    if has_forecast:
-        forecast = day.kind.forecast(problem.network, seen_mps)
-        wind = SegmentWind.of(problem.network, forecast.field())
-        air = air_in_forecast(forecast, wind, model, flights, start_s=0.0)
-    else:
-        measured = MeasuredAir(*seen_mps, temperature_c=day.kind.temperature_c)
-        air = air_as_measured(problem.network, measured, model, flights)
+    source: KnownBy = "FORECAST" if has_forecast else "MEASURED"
+    air = air_in_forecast(forecast, wind, model, flights, start_s=0.0, source=source)
     return plan, air.conditions_of(plan)
 
 

@@ -1,19 +1,14 @@
 """All closures of a network, now and later, and its weather, in the form that planning needs."""
 
 import asyncio
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 from skyway.contracts.candidate import Candidate
-from skyway.delivery.plan import Fly
-from skyway.drone.model import DroneModel
 from skyway.ids import NetworkId, StationId
 from skyway.network.network import Network
 from skyway.planner.airspace import Airspace, SegmentEnds, ZoneReach
-from skyway.planner.known_air import AirOfPlan, MeasuredAir, air_as_measured
-from skyway.planner.measured_wind import air_of, measurements_of
 from skyway.planner.pad_book import OPEN_MS
 from skyway.planner.problem_parts import SegmentClosure, StationClosure
 from skyway.runtime.sql.database import Database
@@ -21,15 +16,7 @@ from skyway.units import ms_to_moment
 from skyway_composition.closures import store
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.network_weather import NetworkWeather
-from skyway_composition.closures.store import (
-    ForecastKey,
-    forecast_key,
-    forecast_row,
-    states_on_missions,
-)
-
-#: How long the air that drones measure is kept, fleet milliseconds. Our own choice.
-_MEASURED_FOR_MS: Final = 60_000
+from skyway_composition.closures.store import ForecastKey, forecast_key, forecast_row
 
 
 # Without slots, because what zones reach is computed on first use and cached.
@@ -40,8 +27,6 @@ class Conditions:
     network: Network
     closures: tuple[Closure, ...]
     weather: NetworkWeather | None = None
-    #: The air as drones in flight measure it, if the network has no forecast.
-    measured: MeasuredAir | None = None
 
     @cached_property
     def has_ground_stops(self) -> bool:
@@ -50,20 +35,8 @@ class Conditions:
 
     def temperature_c(self, at_ms: int) -> float | None:
         """The temperature of the air at a moment, degrees Celsius; None if it is not known."""
-        if self.weather is not None:
-            return self.weather.forecast.mean_temperature_c(at_ms / 1000)
-        return None if self.measured is None else self.measured.temperature_c
-
-    def air_of(
-        self, model: DroneModel, flights: Sequence[Fly], *, start_ms: int
-    ) -> AirOfPlan | None:
-        """What is known of the air of a plan with these flights; None if nothing is."""
-        weather, measured = self.weather, self.measured
-        if flights and weather is not None and start_ms < weather.over_ms:
-            return weather.air_of(model, flights, start_ms=start_ms)
-        if flights and measured is not None:
-            return air_as_measured(self.network, measured, model, flights)
-        return None
+        known = self.weather
+        return None if known is None else known.forecast.mean_temperature_c(at_ms / 1000)
 
     def problem_closures(self, start_ms: int) -> tuple[StationClosure | SegmentClosure, ...]:
         """Each station and segment that is closed after a plan's start, by zones too."""
@@ -161,7 +134,6 @@ class CachedConditions:
         self._number = -1
         self._conditions = Conditions(network, ())
         self._forecast_key: ForecastKey | None = None
-        self._measure_ms = 0
 
     async def read(self, db: Database, *, after_ms: int) -> tuple[int, Conditions]:
         """The current number of the conditions, and the closures that end after a moment."""
@@ -177,8 +149,6 @@ class CachedConditions:
         """
         if number != self._number:
             await self._renew(number, db, after_ms=after_ms)
-        if self._conditions.weather is None and after_ms >= self._measure_ms:
-            await self._measure(db, now_ms=after_ms)
         return self._conditions
 
     async def _renew(self, number: int, db: Database, *, after_ms: int) -> None:
@@ -188,18 +158,8 @@ class CachedConditions:
         weather = self._conditions.weather
         if key != self._forecast_key:
             weather = None if key is None else await self._read_weather(db)
-        measured = self._conditions.measured if weather is None else None
         self._number, self._forecast_key = number, key
-        self._conditions = Conditions(self._conditions.network, closures, weather, measured)
-
-    async def _measure(self, db: Database, *, now_ms: int) -> None:
-        """Read the air that drones measure; it changes slowly and only makes promises later."""
-        self._measure_ms = now_ms + _MEASURED_FOR_MS
-        async with db.read() as connection:
-            states = await states_on_missions(connection, self._network_id)
-        measured = air_of(measurements_of(states), now_s=now_ms / 1000)
-        if measured != self._conditions.measured:
-            self._conditions = replace(self._conditions, measured=measured)
+        self._conditions = Conditions(self._conditions.network, closures, weather)
 
     async def _read_weather(self, db: Database) -> NetworkWeather | None:
         async with db.read() as connection:

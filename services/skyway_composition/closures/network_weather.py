@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from skyway.contracts.weather import (
+    MEASURED,
     ForecastDocument,
     MeasuredWind,
     WeatherInForce,
     WeatherNote,
 )
+from skyway.delivery.lateness import KnownBy
 from skyway.delivery.plan import Fly
 from skyway.drone.learned_values import DEVIATION_BOUNDS, UNKNOWN_USE
 from skyway.drone.model import DroneModel
@@ -73,6 +75,11 @@ class StoredForecast:
         document = ForecastDocument.read(row.content)
         measured = None if row.measured is None else MeasuredWind.read(row.measured)
         return cls(row.network_id, row.sha256, row.received_ms, document, measured)
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether this is the air as drones measured it, in a network without a forecast."""
+        return self.document.source == MEASURED
 
     @property
     def note(self) -> WeatherNote:
@@ -145,7 +152,7 @@ class NetworkWeather:
         fitting = max(1, MOST_FACTORS // max(1, len(network.columns.length_m)) - len(FADING))
         forecast = forecast.first(fitting)
         measured = stored.measured
-        if measured is not None and measured.places:
+        if measured is not None and measured.places and not stored.is_measured:
             corrections = {place: (east, north) for place, east, north in measured.places}
             at_s = moment_to_ms(measured.at) / 1000
             forecast = corrected(forecast, corrections, at_s=at_s)
@@ -162,7 +169,10 @@ class NetworkWeather:
 
     def counts_from(self, at_ms: int) -> bool:
         """Whether plans from this moment differ from plans in still air."""
-        return at_ms < self.over_ms or self.reserve_risk is not None
+        if self.reserve_risk is not None:
+            return True
+        # Planning in weather takes longer, and most networks without a forecast are calm.
+        return at_ms < self.over_ms and not self.forecast.is_still
 
     def least_time_factor(self, model: DroneModel) -> float:
         """A lower bound of the time factors of this model, found without looking at segments.
@@ -182,12 +192,9 @@ class NetworkWeather:
         """
         if not self.counts_from(start_ms):
             return None
-        key = self._key(model, use_deviation)
-        found = self._of_model.get(key)
-        if found is None:
-            found = await asyncio.to_thread(self.of_model, model, use_deviation)
-        else:
-            self._note_use(key, found)
+        if self._key(model, use_deviation) in self._of_model:
+            return self.of_model(model, use_deviation).shifted(-start_ms / 1000)
+        found = await asyncio.to_thread(self.of_model, model, use_deviation)
         return found.shifted(-start_ms / 1000)
 
     def of_model(self, model: DroneModel, use_deviation: float = UNKNOWN_USE) -> Weather:
@@ -203,13 +210,10 @@ class NetworkWeather:
             most = max(1, self.most_cached // max(1, found.time_factor.size))
             for oldest in list(self._of_model)[: max(0, len(self._of_model) + 1 - most)]:
                 self._of_model.pop(oldest, None)
-        self._note_use(key, found)
-        return found
-
-    def _note_use(self, key: object, weather: Weather) -> None:
-        """Put it at the end of the cache, which is dropped last."""
+        # At the end of the cache, which is dropped last.
         self._of_model.pop(key, None)
-        self._of_model[key] = weather
+        self._of_model[key] = found
+        return found
 
     def planned_deviation(self, use_deviation: float) -> float:
         """The deviation that plans use for a drone whose energy use has this one; never less."""
@@ -229,10 +233,15 @@ class NetworkWeather:
             return risk.in_climate(model)
         return float(wind.in_error(model, risk.deviations)[0, 0])
 
-    def air_of(self, model: DroneModel, flights: Sequence[Fly], *, start_ms: int) -> AirOfPlan:
-        """The air of a plan with these flights, which begins before the forecast is over."""
+    def air_of(
+        self, model: DroneModel, flights: Sequence[Fly], *, start_ms: int
+    ) -> AirOfPlan | None:
+        """What is known of the air of a plan with these flights; None if nothing is."""
+        if not flights or start_ms >= self.over_ms:
+            return None
         wind, start_s = self._on_segments(), start_ms / 1000
-        return air_in_forecast(self.forecast, wind, model, flights, start_s=start_s)
+        source: KnownBy = "MEASURED" if self.stored.is_measured else "FORECAST"
+        return air_in_forecast(self.forecast, wind, model, flights, start_s=start_s, source=source)
 
     def _on_segments(self) -> SegmentWind:
         if self._wind is None:

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from skyway.contracts.weather import ForecastDocument, PlaceReport, WeatherGrid
+from skyway.contracts.weather import MEASURED, ForecastDocument, PlaceReport, WeatherGrid
 from skyway.errors import InvalidInput
 from skyway.geo import wrapped_deg
 from skyway.network.network import Network
@@ -48,10 +48,13 @@ def accepted(document: ForecastDocument, network: Network, *, now_ms: int) -> Fo
     Raises
     ------
     InvalidInput
-        It is over, it ends or was issued too far in the future, it is for another area, a place has
-        no report for a time, or it has too many times for a network of this size.
+        It is over, it ends or was issued too far in the future, it is for another area, its source
+        is MEASURED, a place has no report for a time, or it has too many times for a network of
+        this size.
     """
     form = "grid" if document.grid is not None else "reports"
+    if document.source == MEASURED:
+        raise InvalidInput("source", f"{MEASURED} is the air as drones measure it")
     edges = edges_s(document)
     if edges[-1] * 1000 <= now_ms:
         until, now = (ms_to_moment(round(each)).isoformat() for each in (edges[-1] * 1000, now_ms))

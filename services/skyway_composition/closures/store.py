@@ -266,18 +266,11 @@ async def delete_forecast(tx: Tx, network_id: NetworkId) -> bool:
     return done.rowcount == 1
 
 
-async def put_measured(tx: Tx, network_id: NetworkId, measured: str) -> None:
-    """Correct the forecast of a network by a measured wind."""
-    this = forecasts.c.network_id == network_id
-    await tx.execute(update(forecasts).where(this).values(measured=measured))
-
-
-async def networks_with_forecast(connection: AsyncConnection) -> list[NetworkId]:
-    """The networks that have a forecast."""
-    found = await connection.execute(
-        select(forecasts.c.network_id).order_by(forecasts.c.network_id)
-    )
-    return list(found.scalars())
+async def networks_in_weather(connection: AsyncConnection) -> list[NetworkId]:
+    """The networks that have a forecast, or drones on missions, which measure the air."""
+    flown = select(missions.c.network_id).where(is_live)
+    found = await connection.execute(select(forecasts.c.network_id).union(flown))
+    return sorted(found.scalars())
 
 
 async def states_on_missions(

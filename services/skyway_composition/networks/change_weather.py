@@ -78,7 +78,7 @@ class WeatherChanges:
         return stored.in_force(now_ms=now_ms)
 
     async def remove(self, network_id: NetworkId) -> None:
-        """Remove the forecast of a network: plans assume still air again.
+        """Remove the weather of a network: plans assume still air until drones measure wind.
 
         A network without a forecast stays as it is.
 

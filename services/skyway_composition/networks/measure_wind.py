@@ -1,26 +1,35 @@
-"""Corrects forecasts by the wind that drones on missions measure."""
+"""The wind that drones on missions measure: it corrects a forecast, or counts instead of one."""
 
 import asyncio
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
-from skyway.contracts.weather import MeasuredWind
+from skyway.contracts.weather import ForecastDocument, MeasuredWind
 from skyway.ids import NetworkId
-from skyway.planner.measured_wind import Measurement, corrections_of, measurements_of
+from skyway.planner.measured_wind import (
+    HOLDS_S,
+    Measurement,
+    air_of,
+    corrections_of,
+    measurements_of,
+)
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.network_weather import ForecastRow, StoredForecast
-from skyway_composition.closures.read_forecast import forecast_of
+from skyway_composition.closures.read_forecast import content_of, forecast_of
 from skyway_composition.closures.store import (
+    ForecastKey,
     change_conditions,
+    delete_forecast,
     forecast_key,
     forecast_row,
-    networks_with_forecast,
-    put_measured,
+    networks_in_weather,
+    replace_forecast,
     states_on_missions,
 )
 from skyway_composition.networks.store import lock_version
@@ -32,19 +41,23 @@ log = logging.getLogger(__name__)
 _AT_MOST_EVERY_MS: Final = 600_000
 _SAME_FOR_MS: Final = 1_800_000
 
+#: How long measured air counts when no drone measures any more, fleet milliseconds. If all drones
+#: wait for the wind, one of them must try again.
+_COUNTS_FOR_MS: Final = 10_800_000
+
 
 @dataclass(frozen=True, slots=True)
 class MeasuredWinds:
-    """Corrects the forecasts of all networks; wakes `calendars`, which then need other plans."""
+    """Renews the weather of all networks; wakes `calendars`, which then need other plans."""
 
     db: Database
     clock: FleetClock
     calendars: Wake
 
     async def step(self) -> bool:
-        """Look at each network that has a forecast."""
+        """Look at each network that has a forecast, or drones that measure the air."""
         async with self.db.read() as connection:
-            network_ids = await networks_with_forecast(connection)
+            network_ids = await networks_in_weather(connection)
         for network_id in network_ids:
             await self._look_at(network_id)
         return False
@@ -60,35 +73,51 @@ class MeasuredWinds:
             if not measured and (before is None or not before.places):
                 return
             row = await forecast_row(connection, network_id)
-        if row is None:
-            return
-        found = await asyncio.to_thread(_correction, row, measured, now_ms=now_ms)
-        if _is_news(before, found, now_ms=now_ms):
-            await self._put(row, found)
+        found = await asyncio.to_thread(_renewed, network_id, row, measured, now_ms=now_ms)
+        if found != row:
+            await self._put(network_id, found, instead_of=key)
 
-    async def _put(self, row: ForecastRow, found: MeasuredWind) -> None:
-        """Save a correction, unless the forecast has changed since it was read."""
+    async def _put(
+        self, network_id: NetworkId, row: ForecastRow | None, *, instead_of: ForecastKey | None
+    ) -> None:
+        """Save measured wind, or None if it is over, unless the weather has changed meanwhile."""
         async with self.db.write() as tx:
-            await lock_version(tx, row.network_id)
-            if await forecast_key(tx.connection, row.network_id) != (row.sha256, row.measured):
+            version = await lock_version(tx, network_id)
+            if version is None or await forecast_key(tx.connection, network_id) != instead_of:
                 return
-            await put_measured(tx, row.network_id, found.model_dump_json())
-            await change_conditions(tx, row.network_id)
+            if row is None:
+                await delete_forecast(tx, network_id)
+            else:
+                await replace_forecast(tx, row)
+            await change_conditions(tx, network_id)
             tx.after_commit(self.calendars.set)
-        about = {"network_id": row.network_id, "places": len(found.places)}
-        log.info("forecast corrected by measured wind", extra=about)
+        log.info("weather renewed by measured wind", extra={"network_id": network_id})
 
 
-def _is_news(before: MeasuredWind | None, found: MeasuredWind, *, now_ms: int) -> bool:
-    """Whether a correction differs from the stored one, or renews one that is old and has faded."""
-    earlier = () if before is None else before.places
-    is_old = before is not None and moment_to_ms(before.at) + _SAME_FOR_MS <= now_ms
-    return earlier != found.places or (bool(earlier) and is_old)
-
-
-def _correction(row: ForecastRow, measured: Sequence[Measurement], *, now_ms: int) -> MeasuredWind:
-    """The difference between these measurements and the forecast as its source sent it."""
-    forecast = forecast_of(StoredForecast.read(row).document)
-    found = corrections_of(forecast, measured, now_s=now_ms / 1000)
+def _renewed(
+    network_id: NetworkId, row: ForecastRow | None, measured: Sequence[Measurement], *, now_ms: int
+) -> ForecastRow | None:
+    """The weather by these measurements; the row itself if it has about the same."""
+    stored = None if row is None else StoredForecast.read(row)
+    before = None if stored is None else stored.measured
+    age_ms = 0 if before is None else now_ms - moment_to_ms(before.at)
+    now = ms_to_moment(now_ms)
+    if row is None or stored is None or stored.is_measured:
+        air = air_of(measured, now_s=now_ms / 1000)
+        if air is None:
+            return row if age_ms < _COUNTS_FOR_MS else None
+        said = partial(ForecastDocument.measured, air.by_name, holds_s=HOLDS_S)
+        document = None if stored is None else stored.document
+        is_same = document is not None and document == said(document.issued_at)
+        if is_same and age_ms < _SAME_FOR_MS:
+            return row
+        content, sha256 = content_of(said(now))
+        wind = MeasuredWind(at=now, places=((0, air.east_mps, air.north_mps),))
+        return ForecastRow(network_id, sha256, now_ms, content, wind.model_dump_json())
+    # By how much they differ from the forecast as its source sent it.
+    found = corrections_of(forecast_of(stored.document), measured, now_s=now_ms / 1000)
     places = tuple((place, east, north) for place, (east, north) in found.items())
-    return MeasuredWind(at=ms_to_moment(now_ms), places=places)
+    earlier = () if before is None else before.places
+    if places == earlier and (age_ms < _SAME_FOR_MS or not earlier):
+        return row
+    return row._replace(measured=MeasuredWind(at=now, places=places).model_dump_json())

@@ -260,7 +260,7 @@ def weather_routes(*, gate: ServiceGate, changes: WeatherChanges) -> ServiceRout
     async def get_network_weather(
         network_id: NetworkId, caller: Annotated[Caller, Depends(gate)]
     ) -> WeatherInForce:
-        """Show the weather forecast of the network, and how old it is."""
+        """Show the forecast or the measured wind of the network, and how old it is."""
         caller.must_be("customer", "provider", "operator", "service")
         return await changes.in_force(network_id)
 
@@ -268,7 +268,7 @@ def weather_routes(*, gate: ServiceGate, changes: WeatherChanges) -> ServiceRout
     async def delete_network_weather(
         network_id: NetworkId, caller: Annotated[Caller, Depends(gate)]
     ) -> None:
-        """Remove the weather forecast of the network: plans assume still air again."""
+        """Remove the weather of the network: plans assume still air until drones measure wind."""
         caller.must_be("operator")
         await changes.remove(network_id)
 

@@ -247,7 +247,8 @@ def margins_of(
     margins, risk = world.skyway.settings.margins, world.risk
     found: dict[str, object] = {"energy_margin": max(world.energy_margin(model), energy_margin)}
     flights = [step for step in trip.plan.steps if isinstance(step, Fly)]
-    if (air := world.conditions.air_of(model, flights, start_ms=start_ms)) is not None:
+    known = world.conditions.weather
+    if known is not None and (air := known.air_of(model, flights, start_ms=start_ms)) is not None:
         found |= {"late_share": air.late_share, "air": air.known}
     if risk is not None:
         in_wind = [_in_wind(world, model, risk, each, start_ms=start_ms) for each in flights]

@@ -113,7 +113,7 @@ NETWORKS: Final = (
         "a forecast can be read, is not from the future, and its content has its hash",
         _unusable_forecasts,
         "The row was changed by hand. Send the forecast again (PUT /v1/networks/{id}/weather), or "
-        "remove it (DELETE): plans then assume still air.",
+        "remove it (DELETE): plans then use the wind that drones measure.",
     ),
     Rule(
         "I12 a current version is kept",

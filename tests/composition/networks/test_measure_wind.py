@@ -8,6 +8,7 @@ from skyway_composition.networks.measure_wind import MeasuredWinds
 from sqlalchemy import text
 
 from skyway.delivery.lateness import KnownAir
+from skyway.planner.measured_wind import MeasuredAir
 from tests.composition.drone_messages import DroneMessages
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
@@ -107,23 +108,93 @@ async def test_a_correction_ends_when_drones_measure_no_such_wind_any_more(
     assert '"places":[]' in found.scalar_one()
 
 
-async def test_without_a_forecast_measured_air_makes_promises_later_and_charging_slower(
+async def test_without_a_forecast_plans_use_the_air_that_drones_measure(
     composition: Any, make: Any
 ) -> None:
-    unknown = await composition.book(make.candidate(3), delivery_id="dlv_3")
-    await fly(composition, make, number=1, east_mps=-6.2, temperature_c=-8.0)
-    composition.clock.advance(timedelta(minutes=2))
+    winds = MeasuredWinds(composition.db, composition.clock, composition.parts.calendars)
+    await fly(composition, make, number=1, east_mps=-3.2, temperature_c=6.0)
+    await winds.step()
 
     known = await composition.book(make.candidate(2), delivery_id="dlv_2")
 
-    before, after = (each.missions[0] for each in (unknown, known))
-    assert (before.margins.air, before.margins.late_share) == (None, None)
-    air = KnownAir(source="MEASURED", wind_mps=6.0, temperature_c=-8.0)
-    assert after.margins.air == air
-    assert after.margins.late_share > 0.2
-    # Its flights are planned in still air.
-    assert {each.time_factor for each in after.plan.steps if each.kind == "FLY"} == {1.0}
-    assert after.home_recharge.end_s - after.home_recharge.start_s == pytest.approx(
-        (before.home_recharge.end_s - before.home_recharge.start_s) / 0.7, rel=0.01
-    )
+    mission = known.missions[0]
+    air = mission.margins.air
+    assert (air.source, air.temperature_c) == ("MEASURED", 6.0)
+    assert mission.weather.source == "MEASURED"
+    assert mission.margins.late_share > 0.02
+    flight = next(each for each in mission.plan.steps if each.kind == "FLY")
+    assert flight.time_factor == pytest.approx(slowed_by(make, 3.0, drones=1), abs=0.011)
+    assert flight.energy_factor == 1.04
     assert await composition.broken() == []
+
+
+def slowed_by(make: Any, wind_mps: float, *, drones: int) -> float:
+    """The time factor of a flight against this measured wind and its error."""
+    against_mps = wind_mps + MeasuredAir(-wind_mps, 0.0, drones=drones).error_mps
+    speed_mps = make.candidate().model.speed_empty_mps
+    return float(speed_mps / (speed_mps - against_mps))
+
+
+async def test_a_provider_that_lies_about_the_wind_does_not_change_plans(
+    composition: Any, make: Any
+) -> None:
+    winds = MeasuredWinds(composition.db, composition.clock, composition.parts.calendars)
+    await fly(composition, make, number=1, east_mps=-3.0)
+    await fly(composition, make, number=2, east_mps=-40.0)
+    await winds.step()
+
+    planned = await composition.book(make.candidate(3), delivery_id="dlv_3")
+
+    flight = next(each for each in planned.missions[0].plan.steps if each.kind == "FLY")
+    assert flight.time_factor == pytest.approx(slowed_by(make, 3.0, drones=2), abs=0.011)
+
+
+async def test_measured_wind_counts_for_hours_when_no_drone_measures_any_more(
+    composition: Any, make: Any
+) -> None:
+    winds = MeasuredWinds(composition.db, composition.clock, composition.parts.calendars)
+    await fly(composition, make, number=1, east_mps=-6.0)
+    await winds.step()
+    found = []
+
+    for hours in (0, 2, 1):
+        composition.clock.advance(timedelta(hours=hours))
+        await winds.step()
+        found.append((await composition(OPERATOR, "GET", PATH)).status_code)
+
+    assert found == [200, 200, 404]
+
+
+async def test_calm_air_that_drones_measure_is_known_and_plans_stay_in_still_air(
+    composition: Any, make: Any
+) -> None:
+    winds = MeasuredWinds(composition.db, composition.clock, composition.parts.calendars)
+    await fly(composition, make, number=1, east_mps=0.2)
+    await winds.step()
+
+    planned = await composition.book(make.candidate(2), delivery_id="dlv_2")
+
+    mission = planned.missions[0]
+    assert mission.margins.air == KnownAir(source="MEASURED", wind_mps=0.0, temperature_c=20.0)
+    assert {each.time_factor for each in mission.plan.steps if each.kind == "FLY"} == {1.0}
+
+
+async def test_the_forecast_of_an_operator_counts_instead_of_measured_wind(
+    composition: Any, make: Any
+) -> None:
+    winds = MeasuredWinds(composition.db, composition.clock, composition.parts.calendars)
+    await fly(composition, make, number=1, east_mps=-6.0)
+    await winds.step()
+    now = composition.clock.now().isoformat()
+    still = {"valid_at": now, "wind_speed_mps": 0.0, "wind_from_deg": 0.0}
+    reports = [{"station_id": station, **still} for station in "ace"]
+    forecast = {"source": "MEASURED", "issued_at": now, "reports": reports}
+
+    refused = await composition(OPERATOR, "PUT", PATH, forecast)
+    accepted = await composition(OPERATOR, "PUT", PATH, forecast | {"source": "test"})
+    composition.clock.advance(timedelta(minutes=11))
+    await winds.step()
+
+    assert refused.status_code == 422
+    assert accepted.status_code == 200
+    assert (await composition(OPERATOR, "GET", PATH)).json()["source"] == "test"

@@ -9,8 +9,7 @@ from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.network.network import Network, Segment, Station
 from skyway.planner.forecast import FADING_S, MILD_C, Forecast
-from skyway.planner.known_air import MeasuredAir, air_as_measured, air_in_forecast
-from skyway.planner.measured_wind import Measurement, air_of
+from skyway.planner.known_air import air_in_forecast
 from skyway.planner.wind import SegmentWind
 
 WEST, EAST = StationId("west"), StationId("east")
@@ -54,40 +53,31 @@ def forecast(east_mps: float, *, temperature_c: float = 15.0) -> Forecast:
     )
 
 
-def test_a_plan_in_still_air_is_late_by_the_wind_that_is_measured() -> None:
-    measured = MeasuredAir(east_mps=-5.0, north_mps=0.0, temperature_c=-3.0)
-
-    against = air_as_measured(NETWORK, measured, MODEL, [flight(WEST, EAST)])
-    behind = air_as_measured(NETWORK, measured, MODEL, [flight(EAST, WEST)])
-
-    assert (against.known.source, against.known.wind_mps) == ("MEASURED", 5.0)
-    assert against.known.temperature_c == -3.0
-    slowest_mps = min(MODEL.speed_empty_mps, MODEL.speed_full_mps)
-    ground_mps = slowest_mps - 5.0 - 1.2816 * 1.5
-    assert against.late_share == pytest.approx(min(1.0, slowest_mps / ground_mps - 1), abs=1e-3)
-    assert behind.late_share == 0.0
-
-
-def test_a_plan_in_a_forecast_is_late_by_the_error_of_the_forecast_alone() -> None:
+def test_a_plan_is_late_by_the_error_of_its_wind_alone() -> None:
     known = forecast(-5.0, temperature_c=-8.0)
     wind = SegmentWind.of(NETWORK, known.field())
 
     air = air_in_forecast(known, wind, MODEL, [flight(WEST, EAST)], start_s=0.0)
 
-    still = MeasuredAir(east_mps=-5.0, north_mps=0.0)
-    without = air_as_measured(NETWORK, still, MODEL, [flight(WEST, EAST)])
     assert (air.known.source, air.known.wind_mps, air.known.temperature_c) == ("FORECAST", 5.0, -8)
-    assert 0.0 < air.late_share < without.late_share / 2
+    slowest_mps = min(MODEL.speed_empty_mps, MODEL.speed_full_mps)
+    ground_mps = slowest_mps - 5.0
+    late_share = ground_mps / (ground_mps - 1.2816 * 1.5) - 1
+    assert air.late_share == pytest.approx(late_share, abs=1e-3)
 
 
 def test_longer_flights_count_more() -> None:
-    measured = MeasuredAir(east_mps=-5.0, north_mps=0.0)
+    known = forecast(-5.0)
+    wind = SegmentWind.of(NETWORK, known.field())
     flights = [flight(WEST, EAST, lasting_s=900.0), flight(EAST, WEST, lasting_s=300.0)]
 
-    both = air_as_measured(NETWORK, measured, MODEL, flights)
-    against = air_as_measured(NETWORK, measured, MODEL, flights[:1])
+    both, against, behind = (
+        air_in_forecast(known, wind, MODEL, flown, start_s=0.0).late_share
+        for flown in (flights, flights[:1], flights[1:])
+    )
 
-    assert both.late_share == pytest.approx(0.75 * against.late_share, abs=1e-3)
+    assert behind < against
+    assert both == pytest.approx(0.75 * against + 0.25 * behind, abs=1e-3)
 
 
 def test_the_temperature_of_a_forecast_fades_to_mild_after_its_end() -> None:
@@ -96,15 +86,3 @@ def test_the_temperature_of_a_forecast_fades_to_mild_after_its_end() -> None:
     moments_s = [-1.0, 0.0, 3_600.0, 3_600.0 + FADING_S, 3_600.0 + 4 * FADING_S]
     found = [cold.mean_temperature_c(each) for each in moments_s]
     assert found == [MILD_C, -9.0, MILD_C - 12.0, MILD_C - 6.0, MILD_C]
-
-
-def measured_by(provider_id: str, east_mps: float, *, at_s: float = 0.0) -> Measurement:
-    return Measurement(provider_id, 0.0, 0.0, at_s, east_mps, 1.0, temperature_c=4.4)
-
-
-def test_the_air_of_a_network_is_the_median_of_its_providers() -> None:
-    large = [measured_by("large", 20.0)] * 50
-    others = [measured_by("one", 3.0), measured_by("two", 3.3)]
-
-    assert air_of([*large, *others], now_s=60.0) == MeasuredAir(3.5, 1.0, 4)
-    assert air_of(others, now_s=3_600.0) is None

@@ -1,4 +1,4 @@
-"""The wind that drones measure: who has a vote, and how long a correction counts."""
+"""The wind that drones measure: who has a vote, how much it counts, and how long."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skyway.planner.forecast import Forecast
-from skyway.planner.measured_wind import Measurement, corrected, corrections_of
+from skyway.planner.measured_wind import MeasuredAir, Measurement, air_of, corrected, corrections_of
 
 _WIND = st.floats(-80, 80)
 
@@ -72,3 +72,42 @@ def test_a_correction_is_halved_with_each_hour() -> None:
         [0.0, 4.0, 4.0 * 0.5**0.5, 2.0 * 0.5**0.5]
     )
     assert found.north_mps[1].tolist() == [-2.0, 0.0]
+
+
+def test_the_air_of_a_network_is_the_median_of_its_providers() -> None:
+    large = [measured("large", 20.0, north_mps=1.0)] * 50
+    others = [measured(name, each, north_mps=1.0) for name, each in (("one", 3.0), ("two", 3.3))]
+
+    assert air_of([*large, *others], now_s=200.0) == MeasuredAir(3.5, 1.0, drones=52)
+    assert air_of(others, now_s=3_600.0) is None
+
+
+@given(lies=st.lists(_WIND, min_size=1, max_size=20), truth=st.floats(-10, 10))
+def test_of_two_providers_the_one_nearer_to_still_air_counts(
+    lies: list[float], truth: float
+) -> None:
+    said = [measured("honest", truth), *(measured("liar", each) for each in lies)]
+
+    air = air_of(said, now_s=200.0)
+
+    assert air is not None
+    assert abs(air.east_mps) <= abs(truth) + 0.25
+
+
+@given(east_mps=_WIND, north_mps=_WIND, temperature_c=st.floats(-273, 10_000))
+def test_one_provider_alone_reports_no_storm_and_no_impossible_cold(
+    east_mps: float, north_mps: float, temperature_c: float
+) -> None:
+    lie = measured("liar", east_mps, north_mps=north_mps, temperature_c=temperature_c)
+
+    air = air_of([lie], now_s=200.0)
+
+    assert air is not None
+    assert np.hypot(air.east_mps, air.north_mps) <= 10.4
+    assert -20 <= air.temperature_c <= 60
+
+
+def test_the_error_of_measured_wind_is_that_of_gusts_and_of_few_drones() -> None:
+    assert MeasuredAir(6.0, -8.0, drones=100).error_mps == 3.0
+    assert MeasuredAir(6.0, -8.0, drones=1).error_mps == 4.5
+    assert MeasuredAir(0.0, 0.0).error_mps == 0.0
