@@ -99,25 +99,49 @@ def _renewed(
 ) -> ForecastRow | None:
     """The weather by these measurements; the row itself if it has about the same."""
     stored = None if row is None else StoredForecast.read(row)
-    before = None if stored is None else stored.measured
-    age_ms = 0 if before is None else now_ms - moment_to_ms(before.at)
-    now = ms_to_moment(now_ms)
     if row is None or stored is None or stored.is_measured:
-        air = air_of(measured, now_s=now_ms / 1000)
-        if air is None:
-            return row if age_ms < _COUNTS_FOR_MS else None
-        said = partial(ForecastDocument.measured, air.by_name, holds_s=HOLDS_S)
-        document = None if stored is None else stored.document
-        is_same = document is not None and document == said(document.issued_at)
-        if is_same and age_ms < _SAME_FOR_MS:
-            return row
-        content, sha256 = content_of(said(now))
-        wind = MeasuredWind(at=now, places=((0, air.east_mps, air.north_mps),))
-        return ForecastRow(network_id, sha256, now_ms, content, wind.model_dump_json())
-    # By how much they differ from the forecast as its source sent it.
+        return _measured(network_id, row, stored, measured, now_ms=now_ms)
+    return _corrected(row, stored, measured, now_ms=now_ms)
+
+
+def _measured(
+    network_id: NetworkId,
+    row: ForecastRow | None,
+    stored: StoredForecast | None,
+    measured: Sequence[Measurement],
+    *,
+    now_ms: int,
+) -> ForecastRow | None:
+    """Measured air instead of a forecast; None if there is none, or none any more."""
+    age_ms = 0 if stored is None else _age_ms(stored, now_ms=now_ms)
+    air = air_of(measured, now_s=now_ms / 1000)
+    if air is None:
+        return row if age_ms < _COUNTS_FOR_MS else None
+    said = partial(ForecastDocument.measured, air.by_name, holds_s=HOLDS_S)
+    document = None if stored is None else stored.document
+    is_same = document is not None and document == said(document.issued_at)
+    if is_same and age_ms < _SAME_FOR_MS:
+        return row
+    now = ms_to_moment(now_ms)
+    content, sha256 = content_of(said(now))
+    wind = MeasuredWind(at=now, places=((0, air.east_mps, air.north_mps),))
+    return ForecastRow(network_id, sha256, now_ms, content, wind.model_dump_json())
+
+
+def _corrected(
+    row: ForecastRow, stored: StoredForecast, measured: Sequence[Measurement], *, now_ms: int
+) -> ForecastRow:
+    """The forecast, corrected by how much measured wind differs from what its source sent."""
     found = corrections_of(forecast_of(stored.document), measured, now_s=now_ms / 1000)
     places = tuple((place, east, north) for place, (east, north) in found.items())
-    earlier = () if before is None else before.places
-    if places == earlier and (age_ms < _SAME_FOR_MS or not earlier):
+    earlier = () if stored.measured is None else stored.measured.places
+    is_fresh = _age_ms(stored, now_ms=now_ms) < _SAME_FOR_MS
+    if places == earlier and (is_fresh or not earlier):
         return row
-    return row._replace(measured=MeasuredWind(at=now, places=places).model_dump_json())
+    wind = MeasuredWind(at=ms_to_moment(now_ms), places=places)
+    return row._replace(measured=wind.model_dump_json())
+
+
+def _age_ms(stored: StoredForecast, *, now_ms: int) -> int:
+    """How long ago drones measured the wind; 0 if they have not."""
+    return 0 if stored.measured is None else now_ms - moment_to_ms(stored.measured.at)

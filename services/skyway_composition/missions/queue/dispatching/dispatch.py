@@ -14,7 +14,6 @@ from skyway.runtime.errors import RowRefused
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.metrics import count, timed
 from skyway.runtime.sql.database import Tx
-from skyway.units import CHARGE_TOLERANCE
 from skyway_composition.calendar.attempts import Change, commit
 from skyway_composition.context import Context
 from skyway_composition.links.store import held_among, links_to
@@ -22,7 +21,13 @@ from skyway_composition.margins import ANOTHER_ORDER, HAND_OVER, REACHES
 from skyway_composition.missions.queue import store
 from skyway_composition.missions.queue.ask_registry import exchanging_tariffs, out_of_service
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, adopt
-from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments, Orders, fleet_of
+from skyway_composition.missions.queue.dispatching.fleet import (
+    Fleet,
+    Moments,
+    Orders,
+    fleet_of,
+    free_to_take_off,
+)
 from skyway_composition.missions.queue.dispatching.fleet_problem import fleet_problem
 from skyway_composition.missions.queue.dispatching.idle_drones import idle_drones
 from skyway_composition.missions.queue.dispatching.merger import (
@@ -294,22 +299,6 @@ class OrderFinder:
         now_ms = self.context.now_ms
         ahead_ms = ANOTHER_ORDER.ms(self.context.clock, more_wall_s=2 * self.terms.budget_s)
         return Moments(now_ms, now_ms + ahead_ms, HAND_OVER.ms(self.context.clock))
-
-
-def free_to_take_off(fleet: Fleet, world: World, times: Moments) -> Fleet:
-    """The drones that may take off where their next missions would begin in this network."""
-    free = {
-        drone_id
-        for drone_id, each in fleet.calendars.items()
-        if (slot := each.slot(not_before_ms=0, times=times)) is not None
-        and slot.station_id in world.skyway.network.stations
-        and slot.soc >= each.candidate.model.reserve_soc - CHARGE_TOLERANCE
-        and world.conditions.ground_stop(
-            each.candidate.model_copy(update={"station_id": slot.station_id}), at_ms=slot.at_ms
-        )
-        is None
-    }
-    return fleet.only(free)
 
 
 def _has_waiting(fleet: Fleet) -> bool:

@@ -28,8 +28,12 @@ from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import NearPickup, Share, flight_id
 from skyway_composition.missions.queue import store
 from skyway_composition.missions.queue.dispatching.adopt import BetterOrder, JoinedTrip
-from skyway_composition.missions.queue.dispatching.dispatch import free_to_take_off
-from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments, fleet_of
+from skyway_composition.missions.queue.dispatching.fleet import (
+    Fleet,
+    Moments,
+    fleet_of,
+    free_to_take_off,
+)
 from skyway_composition.missions.queue.dispatching.merger import Guest, carrying
 from skyway_composition.missions.queue.dispatching.plan_orders import NoOrder, plan_orders
 from skyway_composition.missions.queue.plan_queue import etas_ms, latest_ms

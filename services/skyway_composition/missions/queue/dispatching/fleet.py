@@ -10,10 +10,12 @@ from skyway.delivery.plan import Plan
 from skyway.ids import DroneId, MissionId, ProviderId
 from skyway.network.network import Network
 from skyway.scheduling.stays import Slot, Stay, slot_after
+from skyway.units import CHARGE_TOLERANCE
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.networks.store import Present
 from skyway_composition.planning.offer import distance_flown_m, price_of_plan
+from skyway_composition.planning.world import World
 
 #: The order of the QUEUED missions of some drones.
 Orders = Mapping[DroneId, tuple[MissionId, ...]]
@@ -199,6 +201,22 @@ def calendar_of(
     stays = () if before is None else before.stays
     calendar = Calendar(candidate, live, kept, waiting, stays, here, version)
     return None if calendar.slot(not_before_ms=0, times=times) is None else calendar
+
+
+def free_to_take_off(fleet: Fleet, world: World, times: Moments) -> Fleet:
+    """The drones that may take off where their next missions would begin in this network."""
+    free = {
+        drone_id
+        for drone_id, each in fleet.calendars.items()
+        if (slot := each.slot(not_before_ms=0, times=times)) is not None
+        and slot.station_id in world.skyway.network.stations
+        and slot.soc >= each.candidate.model.reserve_soc - CHARGE_TOLERANCE
+        and world.conditions.ground_stop(
+            each.candidate.model_copy(update={"station_id": slot.station_id}), at_ms=slot.at_ms
+        )
+        is None
+    }
+    return fleet.only(free)
 
 
 def _standing(link: DroneLink | None, times: Moments) -> Slot | None:

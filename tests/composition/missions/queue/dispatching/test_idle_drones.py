@@ -6,8 +6,12 @@ from typing import Any
 
 import pytest
 from skyway_composition.links.store import link_to
-from skyway_composition.missions.queue.dispatching.dispatch import free_to_take_off
-from skyway_composition.missions.queue.dispatching.fleet import Fleet, Moments, calendar_of
+from skyway_composition.missions.queue.dispatching.fleet import (
+    Fleet,
+    Moments,
+    calendar_of,
+    free_to_take_off,
+)
 from skyway_composition.planning.world import World
 from skyway_composition.tables import drone_links
 from sqlalchemy import update
