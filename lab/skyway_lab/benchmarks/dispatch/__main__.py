@@ -24,7 +24,7 @@ from types import MappingProxyType
 
 from skyway_lab.benchmarks.dispatch.idle_drones import idle_drones
 from skyway_lab.benchmarks.dispatch.peers import Order, planned_in_order, present_peers
-from skyway_lab.benchmarks.dispatch.promises import promises
+from skyway_lab.benchmarks.dispatch.promises import ROUNDS, promises
 from skyway_lab.benchmarks.dispatch.providers import providers
 from skyway_lab.benchmarks.dispatch.published import published_fleet
 from skyway_lab.benchmarks.dispatch.small import small
@@ -64,6 +64,9 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=3, help="seeds 1 to this")
     parser.add_argument(
         "--first-seed", type=int, default=1, help="the first seed of the hours with promises"
+    )
+    parser.add_argument(
+        "--rounds", type=int, default=ROUNDS, help="rounds of a plan in the hours with promises"
     )
     parser.add_argument("--minute-s", type=float, default=0.3, help="processor time a minute")
     parser.add_argument("--fleets", type=int, default=200, help="small random fleets")
@@ -145,7 +148,7 @@ PARTS: Mapping[str, Callable[[argparse.Namespace], Iterator[Table]]] = MappingPr
         "published": published,
         "standbys": lambda sizes: standbys(seeds=sizes.seeds),
         "promises": lambda sizes: promises(
-            _chosen(sizes), seeds=_seeds(sizes), figure=sizes.figure
+            _chosen(sizes), seeds=_seeds(sizes), rounds=sizes.rounds, figure=sizes.figure
         ),
         "providers": lambda sizes: providers(seeds=sizes.seeds),
         "windows": lambda sizes: windows(seeds=_seeds(sizes)),

@@ -29,17 +29,23 @@ _WIDTHS_MIN: Final = (1, 10, 30)
 #: city that are firm after 1 min are 10 min wide on average.
 _WIDER_BY: Final = 0.28
 
-#: The search of `live_hour`, in which each request flies alone, and the same with shared trips.
-ALONE, _POOLING, _ = searches(searched_in_rounds(2, most_steps=8_000))
+#: Rounds of the search for each plan, unless another number is given.
+ROUNDS: Final = 2
+
+
+def searching(*, rounds: int = ROUNDS, pooling: bool = False) -> DispatchPolicy:
+    """The search of `live_hour`, in which each request flies alone, or with shared trips."""
+    alone, shared, _ = searches(searched_in_rounds(rounds, most_steps=8_000))
+    return shared if pooling else alone
 
 
 def promises(
-    cases: Sequence[tuple[Place, Load]], *, seeds: Sequence[int], figure: Path | None
+    cases: Sequence[tuple[Place, Load]], *, seeds: Sequence[int], rounds: int, figure: Path | None
 ) -> Iterator[Table]:
     """Mean minutes from each request to its last delivery, a table for each case."""
     lines = []
     for place, load in cases:
-        own = _POOLING if place == "three hubs" else ALONE
+        own = searching(rounds=rounds, pooling=place == "three hubs")
         table = Table(
             "promises",
             f"{place}, {load}: firm after so many minutes",

@@ -9,7 +9,7 @@ from dataclasses import replace
 from statistics import mean
 from typing import Final
 
-from skyway_lab.benchmarks.dispatch.promises import ALONE, cell, flown
+from skyway_lab.benchmarks.dispatch.promises import cell, flown, searching
 from skyway_lab.benchmarks.planner.table import Table
 from skyway_lab.experiments.dispatched_hour.cases import FleetCase, fleet_case
 from skyway_lab.experiments.dispatched_hour.rolling import RollingHour
@@ -17,7 +17,7 @@ from skyway_lab.experiments.fleet_hour.cases import HourRequest, Load, Place
 from skyway_lab.experiments.instances import chance
 
 #: Promises of a moment are one minute wide, and firm with the first plan after a minute.
-_MOMENT: Final = replace(ALONE, firm_within_s=60.0, promise_tolerance_s=60.0)
+_MOMENT: Final = replace(searching(), firm_within_s=60.0, promise_tolerance_s=60.0)
 
 #: The windows that are promised, minutes; 0 stands for the moment of the plan.
 _WINDOWS_MIN: Final = (0, 15, 30)
