@@ -71,6 +71,15 @@ class MeasuredAir:
         gust_mps = _GUSTS * hypot(self.east_mps, self.north_mps)
         return gust_mps * sqrt(1 + 1 / self.drones) // _STEP_MPS * _STEP_MPS
 
+    def averaged(self, earlier: Correction) -> "MeasuredAir":
+        """The same air with the mean of its wind and an earlier wind: gusts average out."""
+        east_mps, north_mps = earlier
+        return replace(
+            self,
+            east_mps=_in_steps((self.east_mps + east_mps) / 2),
+            north_mps=_in_steps((self.north_mps + north_mps) / 2),
+        )
+
     @property
     def by_name(self) -> dict[str, float]:
         """The values by the names that a forecast has for them."""
@@ -202,8 +211,11 @@ def _decided(by_provider: Mapping[str, Sequence[Correction]]) -> Correction:
 
 def _rounded(votes_mps: Sequence[float]) -> float:
     """The median vote in steps, within the limit."""
-    limited = min(_MOST_MPS, max(-_MOST_MPS, _middle(votes_mps)))
-    return round(limited / _STEP_MPS) * _STEP_MPS + 0.0
+    return _in_steps(min(_MOST_MPS, max(-_MOST_MPS, _middle(votes_mps))))
+
+
+def _in_steps(wind_mps: float) -> float:
+    return round(wind_mps / _STEP_MPS) * _STEP_MPS + 0.0
 
 
 def _middle(votes: Sequence[float]) -> float:

@@ -41,6 +41,9 @@ log = logging.getLogger(__name__)
 _AT_MOST_EVERY_MS: Final = 600_000
 _SAME_FOR_MS: Final = 1_800_000
 
+#: How old measured wind may be to be averaged with newer wind, fleet milliseconds. Our own choice.
+_AVERAGED_FOR_MS: Final = 3_600_000
+
 #: How long measured air counts when no drone measures any more, fleet milliseconds. If all drones
 #: wait for the wind, one of them must try again.
 _COUNTS_FOR_MS: Final = 10_800_000
@@ -117,6 +120,9 @@ def _measured(
     air = air_of(measured, now_s=now_ms / 1000)
     if air is None:
         return row if age_ms < _COUNTS_FOR_MS else None
+    if stored is not None and stored.measured is not None and age_ms < _AVERAGED_FOR_MS:
+        [(_, east_mps, north_mps)] = stored.measured.places
+        air = air.averaged((east_mps, north_mps))
     said = partial(ForecastDocument.measured, air.by_name, holds_s=HOLDS_S)
     document = None if stored is None else stored.document
     is_same = document is not None and document == said(document.issued_at)

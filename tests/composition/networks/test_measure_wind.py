@@ -1,5 +1,6 @@
 """The wind that drones on missions measure corrects the forecast of their network."""
 
+import json
 from datetime import timedelta
 from typing import Any
 
@@ -163,6 +164,23 @@ async def test_measured_wind_counts_for_hours_when_no_drone_measures_any_more(
         found.append((await composition(OPERATOR, "GET", PATH)).status_code)
 
     assert found == [200, 200, 404]
+
+
+@pytest.mark.parametrize(("minutes", "east_mps"), [(20, -4.5), (70, -3.0)])
+async def test_measured_wind_is_averaged_with_the_wind_of_the_last_hour(
+    composition: Any, make: Any, minutes: int, east_mps: float
+) -> None:
+    winds = MeasuredWinds(composition.db, composition.clock, composition.parts.calendars)
+    await fly(composition, make, number=1, east_mps=-6.0)
+    await winds.step()
+    composition.clock.advance(timedelta(minutes=minutes))
+    await fly(composition, make, number=2, east_mps=-3.0)
+
+    await winds.step()
+
+    async with composition.db.read() as connection:
+        found = await connection.execute(text("SELECT measured FROM forecasts"))
+    assert json.loads(found.scalar_one())["places"] == [[0, east_mps, 0.0]]
 
 
 async def test_calm_air_that_drones_measure_is_known_and_plans_stay_in_still_air(

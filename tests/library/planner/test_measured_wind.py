@@ -107,6 +107,13 @@ def test_one_provider_alone_reports_no_storm_and_no_impossible_cold(
     assert -20 <= air.temperature_c <= 60
 
 
+def test_the_mean_of_two_winds_is_in_steps_and_ends_in_still_air() -> None:
+    air = MeasuredAir(8.0, -3.0)
+
+    assert air.averaged((5.0, 0.0)) == MeasuredAir(6.5, -1.5)
+    assert MeasuredAir(0.0, 0.0).averaged((0.5, -0.5)) == MeasuredAir(0.0, 0.0)
+
+
 def test_the_error_of_measured_wind_is_that_of_gusts_and_of_few_drones() -> None:
     assert MeasuredAir(6.0, -8.0, drones=100).error_mps == 3.0
     assert MeasuredAir(6.0, -8.0, drones=1).error_mps == 4.5

@@ -3,7 +3,7 @@
 `python -m skyway_lab days --days calm,windy --deliveries 40 --seeds 1,2` runs a whole Skyway on the
 embedded database and broker for each day and seed. One provider has drones of the model DJI
 Matrice 300 RTK all over the bundled corridor, and each request has one package. Without
-`--forecast-error-mps` plans are made in still air. `python -m tests.composition.virtual_day` has
+`--forecast-error-mps` plans use measured wind. `python -m tests.composition.virtual_day` has
 the same options: composition and the agents fly in virtual time, so the figures depend only on the
 seed.
 """
