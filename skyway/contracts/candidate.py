@@ -19,10 +19,8 @@ from skyway.geo import Position
 from skyway.ids import DroneId, PackageId, ProviderId, StationId
 from skyway.json_model import WireModel
 
-#: At most this many candidates of one provider that are free now, of one provider, and of all
-#: (docs/reference/booking.md).
-MAX_FREE_CANDIDATES = 5
-MAX_CANDIDATES_PER_PROVIDER = 20
+#: At most this many candidates of one provider, and of all (docs/reference/booking.md).
+MAX_CANDIDATES_PER_PROVIDER = 5
 MAX_CANDIDATES = 60
 
 #: One call asks about at most this many requests: the most that the gateway books at a time.

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from skyway.contracts.candidate import (
     MAX_CANDIDATES,
     MAX_CANDIDATES_PER_PROVIDER,
-    MAX_FREE_CANDIDATES,
     CandidateQuery,
     CargoPackage,
     PayloadLimit,
@@ -244,8 +243,6 @@ class _Ranked:
     provider: npt.NDArray[np.int32]
     #: Sorts the drones of a provider that would split the request: the strongest first.
     weakness_kg: npt.NDArray[np.float64]
-    #: Which of them have no mission before.
-    is_free: Flags
 
     @classmethod
     def of(
@@ -275,7 +272,7 @@ class _Ranked:
         rows = able[np.lexsort((columns.order[able], emptiness, is_away[near], arrival_s))]
         provider = columns.column("provider")[rows]
         weakness_kg = np.where(split[provider], -columns.column("payload_kg")[rows], 0.0)
-        return cls(rows, provider, weakness_kg, columns.column("free_ms")[rows] <= now_ms)
+        return cls(rows, provider, weakness_kg)
 
 
 def _near_enough(
@@ -294,24 +291,16 @@ def _near_enough(
 
 
 def _in_turn(ranked: _Ranked, providers: int) -> Rows:
-    """The candidates, nearest first; each provider's best comes before any provider's second.
-
-    A drone with missions counts if few free drones of its provider come before it. More of these
-    drones count than free ones: where they end, pads may be taken for hours, and only composition
-    knows that.
-    """
+    """The candidates, nearest first; each provider's best comes before any provider's second."""
     if not len(ranked.rows):
         return ranked.rows
     # A stable sort: within a provider the rank stays, unless its strongest drones go first.
     by_provider = np.lexsort((ranked.weakness_kg, ranked.provider))
-    provider, is_free = ranked.provider[by_provider], ranked.is_free[by_provider]
-    first = np.searchsorted(provider, np.arange(providers))[provider]
-    turn, free_before = np.empty_like(by_provider), np.empty_like(by_provider)
-    turn[by_provider] = np.arange(len(provider)) - first
-    count: Rows = np.cumsum(is_free) - is_free
-    free_before[by_provider] = count - count[first]
-    may = (turn < MAX_CANDIDATES_PER_PROVIDER) & (free_before < MAX_FREE_CANDIDATES)
+    provider = ranked.provider[by_provider]
+    first = np.searchsorted(provider, np.arange(providers))
+    turn = np.empty(len(provider), np.intp)
+    turn[by_provider] = np.arange(len(provider)) - first[provider]
     chosen = np.argsort(turn, kind="stable")
-    chosen = chosen[may[chosen]][:MAX_CANDIDATES]
+    chosen = chosen[turn[chosen] < MAX_CANDIDATES_PER_PROVIDER][:MAX_CANDIDATES]
     rows: Rows = ranked.rows[np.sort(chosen)]
     return rows

@@ -2,7 +2,6 @@
 
 import random
 from collections import defaultdict
-from dataclasses import replace
 
 import pytest
 from skyway_provider_registry.candidates.fleet_view import Fleet, FleetColumns
@@ -13,7 +12,6 @@ from skyway.announced_networks import CachedNetworks
 from skyway.contracts.candidate import (
     MAX_CANDIDATES,
     MAX_CANDIDATES_PER_PROVIDER,
-    MAX_FREE_CANDIDATES,
     CandidateQuery,
 )
 from skyway.delivery.offer import Tariff
@@ -26,8 +24,6 @@ PICKUP = Position(-97.94, 29.88)
 STRONG = PAPER_SCENARIO
 #: The stronger of them stand farther away.
 WEAK = (DJI_MATRICE_300_RTK, DJI_MATRICE_300_RTK.model_copy(update={"max_payload_kg": 2.5}))
-#: Shorter than any difference of two flights here, and longer than any flight.
-SOON_MS, LATE_MS = 1, 10**9
 #: More than the weak models lift, whose provider would split it.
 QUERY = CandidateQuery(
     pickup_station_id=StationId("pickup"),
@@ -61,7 +57,6 @@ def make_drone(chance: random.Random, name: str, provider: str) -> CachedDrone:
         position=Position(PICKUP.longitude_deg + away, PICKUP.latitude_deg),
         soc=chance.choice([0.5, 0.7, 0.9]),
         is_busy=chance.random() < 0.2,
-        free_ms=chance.choice([0, 0, SOON_MS, LATE_MS]),
     )
 
 
@@ -72,38 +67,20 @@ def ranked_one_by_one(drones: list[CachedDrone]) -> list[DroneId]:
         away = drone.position.longitude_deg - PICKUP.longitude_deg
         is_away = drone.station_id != "pickup"
         arrival = away / drone.model.speed_empty_mps if is_away else 0.0
-        is_late = drone.free_ms == LATE_MS
-        return (is_late, arrival, drone.free_ms, is_away, -drone.soc, drone.drone_id)
+        return (arrival, is_away, -drone.soc, drone.drone_id)
 
     able = sorted((drone for drone in drones if not drone.is_busy), key=rank)
     fleets: dict[ProviderId, list[int]] = defaultdict(list)
     for place, drone in enumerate(able):
         fleets[drone.provider_id].append(place)
-    turns: list[tuple[int, int]] = []
-    for places in fleets.values():
-        free = 0
-        # Other providers have drones of one strength, so their order does not change.
-        in_turn = sorted(places, key=lambda place: -able[place].model.max_payload_kg)
-        for turn, place in enumerate(in_turn[:MAX_CANDIDATES_PER_PROVIDER]):
-            if free < MAX_FREE_CANDIDATES:
-                turns.append((turn, place))
-            free += able[place].free_ms == 0
-    chosen = sorted(turns)[:MAX_CANDIDATES]
-    return [able[place].drone_id for place in sorted(place for _, place in chosen)]
-
-
-def test_a_busy_fleet_has_more_candidates_than_a_free_one() -> None:
-    chance = random.Random(1)
-    drones = [make_drone(chance, f"d-{number:02}", "p") for number in range(30)]
-
-    def names(free_ms: int) -> int:
-        columns = FleetColumns(CachedNetworks())
-        columns.put(replace(each, is_busy=False, free_ms=free_ms) for each in drones)
-        cached = {ProviderId("p"): CachedProvider(ProviderId("p"), Tariff(), is_active=True)}
-        found = select(QUERY, Fleet(cached, columns), wall_now_ms=0, now_ms=0)
-        return len(found.shortlist.drone_ids)
-
-    assert (names(0), names(SOON_MS)) == (MAX_FREE_CANDIDATES, MAX_CANDIDATES_PER_PROVIDER)
+    # Other providers have drones of one strength, so their order does not change.
+    turns = [
+        turn
+        for places in fleets.values()
+        for turn in enumerate(sorted(places, key=lambda place: -able[place].model.max_payload_kg))
+    ]
+    first = sorted(turn for turn in turns if turn[0] < MAX_CANDIDATES_PER_PROVIDER)
+    return [able[place].drone_id for place in sorted(place for _, place in first[:MAX_CANDIDATES])]
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -11,7 +11,7 @@ from skyway_provider_registry.candidates.selection import select as select_from
 from skyway_provider_registry.candidates.selection import select_each
 
 from skyway.announced_networks import CachedNetworks
-from skyway.contracts.candidate import MAX_FREE_CANDIDATES, CandidateQuery
+from skyway.contracts.candidate import MAX_CANDIDATES_PER_PROVIDER, CandidateQuery
 from skyway.contracts.shortlist import Candidates
 from skyway.delivery.offer import Tariff
 from skyway.delivery.qos import ProviderChoice
@@ -367,7 +367,7 @@ def test_a_suspended_provider_gets_no_missions() -> None:
 
 
 def test_the_drone_of_a_held_offer_is_named_although_others_are_nearer() -> None:
-    drones = [make_drone(f"d{number}") for number in range(MAX_FREE_CANDIDATES + 1)]
+    drones = [make_drone(f"d{number}") for number in range(MAX_CANDIDATES_PER_PROVIDER + 1)]
     query = make_query()
     usual = select(query, providers=[make_provider("p")], drones=drones).shortlist.drone_ids
     (last,) = {drone.drone_id for drone in drones} - set(usual)

@@ -19,7 +19,7 @@ async def idle_drones(
 ) -> Fleet:
     """The drones without missions that could be first at the pickups of this fleet's missions.
 
-    Of each provider at most `MAX_FREE_CANDIDATES` for one pickup. No drones if the registry
+    Of each provider at most `MAX_CANDIDATES_PER_PROVIDER` for one pickup. No drones if the registry
     does not answer.
     """
     try:
