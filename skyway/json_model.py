@@ -13,7 +13,6 @@ from skyway.errors import InvalidInput
 #: The validation of a longer list ends at its first wrong item: faults cost time, too.
 _ALL_FAULTS_OF: Final = 100
 
-
 #: Sets an attribute of a frozen value.
 _set: Final = object.__setattr__
 
