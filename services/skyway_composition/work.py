@@ -18,6 +18,7 @@ from skyway.runtime.replicas.membership import LeaderStep
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer
 from skyway_composition.missions.following.follow import Follower, GainedDrones
 from skyway_composition.missions.queue.keep_calendars import Calendars, WithdrawnDrones
+from skyway_composition.missions.replanning.go_sooner import WaitingMissions
 from skyway_composition.missions.replanning.replan import Replanner
 from skyway_composition.missions.timeouts import (
     LateMissions,
@@ -36,6 +37,8 @@ _STEP_EVERY_S: Final = 1.0
 _ASK_REGISTRY_EVERY_S: Final = 3.0
 #: How often the leader looks for missions that the gateway does not know, seconds.
 _UNKNOWN_EVERY_S: Final = 5.0
+#: How often the leader looks for missions that wait long, seconds.
+_WAITING_EVERY_S: Final = 5.0
 #: How often the leader reads the wind that drones measure, seconds; a forecast changes less often.
 _MEASURE_EVERY_S: Final = 20.0
 
@@ -77,6 +80,7 @@ class Work:
         self._overdue = OverdueMissions(parts, self._listening)
         self._late = LateMissions(parts)
         self._replanner = Replanner(parts, self._membership.own_id, parts.closings)
+        self._waiting = WaitingMissions(parts)
         self._calendars = Calendars(parts, parts.dispatch_terms.tolerance_s)
         self._dispatcher = parts.dispatcher(clients["registry"])
         self._withdrawn = WithdrawnDrones(parts, clients["registry"])
@@ -152,6 +156,7 @@ class Work:
         for name, step, every_s in (
             ("lagging", led(self._late.step), _STEP_EVERY_S),
             ("loading", led(self._loading_timeouts.step), _STEP_EVERY_S),
+            ("waiting", led(self._waiting.step), _WAITING_EVERY_S),
             ("unknown missions", led(self._unknown.step), _UNKNOWN_EVERY_S),
             ("holds", led(self._keeper.delete_expired), _STEP_EVERY_S),
             ("ground stops", led(self._ground_stops.step), _STEP_EVERY_S),

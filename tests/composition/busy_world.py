@@ -22,6 +22,7 @@ from skyway_composition.missions.mission.store import MissionFilter, page
 from skyway_composition.missions.queue.dispatching.find_host import HostFinder
 from skyway_composition.missions.queue.keep_calendars import Calendars
 from skyway_composition.missions.replanning.foresee import Foresight
+from skyway_composition.missions.replanning.go_sooner import WaitingMissions
 from skyway_composition.missions.replanning.replan import Replanner
 from skyway_composition.missions.timeouts import (
     LateMissions,
@@ -85,7 +86,14 @@ _OVER_WITHIN = timedelta(hours=30)
 _CHECKED_EVERY = timedelta(hours=4)
 
 #: What composition repeats while time passes.
-Sweep = LateMissions | LoadingTimeouts | GroundStopEnforcer | OverdueMissions | MeasuredWinds
+Sweep = (
+    LateMissions
+    | LoadingTimeouts
+    | GroundStopEnforcer
+    | OverdueMissions
+    | MeasuredWinds
+    | WaitingMissions
+)
 
 
 class BusyWorld:
@@ -160,6 +168,7 @@ class BusyWorld:
             LoadingTimeouts(context),
             GroundStopEnforcer(context, self.closings),
             OverdueMissions(context, listening),
+            WaitingMissions(context),
         )
         self.calendars = Calendars(context, tolerance_s=60.0)
 

@@ -1,8 +1,8 @@
 """Commits a planned change; if the world has changed, asks for a new plan.
 
 A cause is why calendars change: a booking, a hold, a queue, a better order, a new plan in flight, a
-drone that gives way, or a cancellation. It reads the world, asks the solver, and proposes a change,
-all without a lock. The change is committed in one transaction, or not at all.
+drone that gives way, the end of a wait, or a cancellation. It reads the world, asks the solver, and
+proposes a change, all without a lock. The change is committed in one transaction, or not at all.
 """
 
 from collections.abc import Awaitable, Callable

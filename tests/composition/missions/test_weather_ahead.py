@@ -116,3 +116,24 @@ async def test_a_drone_flies_around_wind_only_if_that_is_faster_than_waiting(
         assert [each.station_id for each in world.flights][: len(way)] == way
         assert await new_plans(world) == ["WEATHER_AHEAD"]
         assert len(await world.handed_over()) == 1
+
+
+async def test_a_drone_that_waits_goes_on_when_the_wind_ends_sooner(migrated_url: str) -> None:
+    async with WindyWorld(migrated_url) as world:
+        await in_flight(world)
+        closed_at = world.clock.now() + timedelta(minutes=8)
+        everywhere = dict.fromkeys(PLACES, 25.0)
+        await world.put_wind(everywhere, from_at=closed_at, for_=timedelta(hours=12))
+        await world.pass_time(timedelta(hours=4))
+        assert world.drones[0].logbook.is_airborne is False
+
+        soon, ends_at = (world.clock.now() + timedelta(minutes=each) for each in (1, 60))
+        await world.put_wind(everywhere, from_at=soon, for_=ends_at - soon)
+        await world.end()
+
+        loaded = world.flights[1]
+        assert loaded.station_id == "c"
+        assert loaded.started_at is not None
+        assert timedelta(0) <= loaded.started_at - ends_at < timedelta(minutes=1)
+        assert await new_plans(world) == ["WEATHER_AHEAD", "CONDITIONS_CHANGED"]
+        assert len(await world.handed_over()) == 1

@@ -5,7 +5,7 @@ with less energy would be refused, or replaced by another plan a moment later.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import zip_longest
 from typing import Final
 
@@ -27,7 +27,7 @@ from skyway.network.network import Network
 from skyway.scheduling.trip import Trip
 from skyway_composition.planning.problem_for import planned_more
 
-#: Joules that a flight needs in still air, and by how much its planned weather multiplies them.
+#: Joules that a flight needs in still air, and by how much the weather multiplies them.
 FlightInAir = tuple[float, float]
 
 #: The least ground speed as a share of the air speed, as drones count it.
@@ -59,12 +59,15 @@ def felt_margin(
 
 
 def air_ahead(flights: Iterable[FlightInAir]) -> float:
-    """By how much the planned weather multiplies the energy of all these flights together.
+    """By how much the weather multiplies the energy of all these flights together.
 
-    The drone counts in the same way: a long flight counts more than a short one.
+    The drone counts in the same way: a long flight counts more than a short one. Flights over
+    segments that the weather closes are left out.
     """
     still_j = in_air_j = 0.0
     for flight_j, factor in flights:
+        if factor == math.inf:
+            continue
         still_j += flight_j
         in_air_j += flight_j * factor
     return in_air_j / still_j if still_j else 1.0
@@ -83,14 +86,20 @@ def first_flights(steps: Sequence[Step], model: DroneModel) -> Iterator[FlightIn
             has_flown = True
 
 
+def planned_air(flight: FlyStep) -> float:
+    """By how much the weather of its plan multiplies the energy of a flight."""
+    return flight.time_factor * flight.energy_factor
+
+
 def next_flights(
     steps: Iterable[FlightStep],
     model: DroneModel,
     *,
     masses_kg: Mapping[PackageId, float],
     carried: Iterable[PackageId],
+    air: Callable[[FlyStep], float],
 ) -> Iterator[FlightInAir]:
-    """The flights of these steps up to the recharge after them.
+    """The flights of these steps up to the recharge after them, in this `air`.
 
     The packages in `carried` are on board before the first step.
     """
@@ -106,7 +115,7 @@ def next_flights(
             case FlyStep():
                 load_kg = sum(masses_kg.get(each, 0.0) for each in on_board)
                 still_j = flight_energy_j(model, length_m=step.length_m, load_kg=load_kg)
-                yield still_j, step.time_factor * step.energy_factor
+                yield still_j, air(step)
                 has_flown = True
 
 

@@ -28,7 +28,7 @@ from skyway_composition.missions.replanning.remainder.anchor import (
 )
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
 from skyway_composition.missions.replanning.situation import PlanningSituation, Situation
-from skyway_composition.planning.problem_for import with_margin
+from skyway_composition.planning.problem_for import planned_more, with_margin
 from skyway_composition.planning.world import ClosedAhead, World
 
 #: If a drone had too little energy for its plan, the next plan has so much more margin.
@@ -88,10 +88,12 @@ class Case:
         if stuck is not None:
             anchor = anchor_of_stuck(self.situation, stuck, earliest_ms=earliest_ms)
             return anchor if before_step is None else None
+        # The flight under way has the weather of the present plan.
+        margin = max(self.energy_margin, planned_more(self.situation.consumption_factor))
         return find_anchor(
             self.situation,
             self.trouble,
-            model=with_margin(self.situation.model, self.energy_margin),
+            model=with_margin(self.situation.model, margin),
             closed=closed,
             now_ms=moment_to_ms(clock.now()),
             earliest_ms=earliest_ms,

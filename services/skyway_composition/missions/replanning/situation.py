@@ -1,7 +1,9 @@
 """A mission at one moment: its steps and packages, its drone's last report and failsafe."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from math import prod
 from typing import Final, Self
 
 from skyway.contracts.drone_report import (
@@ -28,7 +30,7 @@ from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.felt_wind import air_ahead, next_flights
+from skyway_composition.missions.replanning.felt_wind import air_ahead, next_flights, planned_air
 from skyway_composition.planning.problem_for import planned_more
 from skyway_composition.planning.world import World
 
@@ -87,15 +89,8 @@ class Situation:
 
     @property
     def consumption_factor(self) -> float:
-        """The drone's last reported energy use relative to its planned model; 1 before a report."""
-        state = self.link.state
-        # The report is about the flights that were ahead of the drone then.
-        first = self.next_step if state is None or state.step_id is None else state.step_id
-        ahead = [each.step for each in self.steps if each.step.step_id >= first]
-        flights = next_flights(
-            ahead, self.record.candidate.model, masses_kg=self.masses_kg, carried=self.carried
-        )
-        return factor_beyond(self.record, state, in_air=air_ahead(flights))
+        """The drone's last reported energy use relative to its plan; 1 before a report."""
+        return self._factor_beyond(planned_air)
 
     @property
     def felt_wind(self) -> Wind | None:
@@ -106,12 +101,8 @@ class Situation:
     @property
     def lasting_factor(self) -> float:
         """`consumption_factor` without the effect of the wind that the drone feels."""
-        health = None if self.link.state is None else self.link.state.health
-        # A battery without any health says nothing about the use in still air.
-        if health is None or health.wind is None or not health.state_of_health:
-            return self.consumption_factor
-        in_still_air = (health.still_air_factor or 1.0) / health.state_of_health
-        return self.record.candidate.learned.beyond(in_still_air)
+        in_calm_air = self._factor_in_calm_air
+        return self.consumption_factor if in_calm_air is None else in_calm_air
 
     @property
     def model(self) -> DroneModel:
@@ -125,12 +116,15 @@ class Situation:
         return model_as_learned(candidate.model, candidate.learned.charging_at_most(reported))
 
     def energy_margin(self, world: World) -> float:
-        """The share of energy that plans add to what the drone's planned model says."""
+        """The share of energy that plans in this world add to what the planned model says.
+
+        The wind that the weather of this world already has is not added again.
+        """
         candidate = self.record.candidate
         margin = world.for_drone(candidate.learned).energy_margin(candidate.model)
+        factor = self._factor_beyond(partial(_air_in, world, candidate.model))
         # The next flights may have a tail wind, and the flights after them none.
-        factor = max(self.consumption_factor, self.lasting_factor)
-        return max(margin, planned_more(factor))
+        return max(margin, planned_more(max(factor, self._factor_in_calm_air or 0.0)))
 
     @property
     def needs_pad_closed(self) -> bool:
@@ -142,6 +136,44 @@ class Situation:
     def masses_kg(self) -> dict[PackageId, float]:
         """The mass of each package of the mission."""
         return {each.package_id: each.mass_kg for each in self.record.request.packages}
+
+    def _factor_beyond(self, air: Callable[[FlyStep], float]) -> float:
+        """The drone's last reported energy use relative to its planned model in this `air`.
+
+        `air` is by how much the weather multiplies the energy of a flight.
+        """
+        state = self.link.state
+        # The report is about the flights that were ahead of the drone then.
+        first = self.next_step if state is None or state.step_id is None else state.step_id
+        ahead = [each.step for each in self.steps if each.step.step_id >= first]
+        flights = next_flights(
+            ahead,
+            self.record.candidate.model,
+            masses_kg=self.masses_kg,
+            carried=self.carried,
+            air=air,
+        )
+        return factor_beyond(self.record, state, in_air=air_ahead(flights))
+
+    @property
+    def _factor_in_calm_air(self) -> float | None:
+        """The drone's energy use without wind, relative to its planned model; None if unknown."""
+        health = None if self.link.state is None else self.link.state.health
+        # A battery without any health says nothing about the use in calm air.
+        if health is None or health.wind is None or not health.state_of_health:
+            return None
+        in_calm_air = (health.still_air_factor or 1.0) / health.state_of_health
+        return self.record.candidate.learned.beyond(in_calm_air)
+
+
+def _air_in(world: World, model: DroneModel, flight: FlyStep) -> float:
+    """By how much the weather of a world multiplies the energy of a planned flight."""
+    at_ms = moment_to_ms(flight.planned_start_at)
+    known = world.conditions.weather
+    if known is None or not known.counts_from(at_ms):
+        return 1.0
+    weather = known.of_model(model, world.use_deviation)
+    return prod(weather.air_between(flight.from_id, flight.to_id, at_s=at_ms / 1000))
 
 
 def factor_beyond(record: MissionRecord, state: DroneState | None, *, in_air: float) -> float:

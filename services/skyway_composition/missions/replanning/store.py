@@ -1,14 +1,16 @@
-"""All SQL of the queue of missions that wait for another plan."""
+"""All SQL of the queue of missions that need another plan, and of missions that wait long."""
 
-from typing import Final
+from datetime import timedelta
+from typing import Final, NamedTuple
 
-from sqlalchemy import and_, case, or_, update
+from sqlalchemy import and_, case, or_, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId, MissionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.claims import FREE, NOW_MS, Claiming, claim_values
 from skyway.runtime.sql.database import Database, Tx
-from skyway_composition.tables import is_live, missions
+from skyway_composition.tables import is_live, is_under_way, mission_steps, missions, networks
 
 #: Seconds of wall time until another replica may plan for a claimed mission. Most plans are found
 #: in a tenth of a second. If two replicas plan for a mission, only the first revision is sent.
@@ -61,3 +63,31 @@ async def plan_now(tx: Tx, mission_id: MissionId) -> None:
     await tx.execute(
         update(missions).where(missions.c.mission_id == mission_id).values(retry_wall_ms=0)
     )
+
+
+class Waiting(NamedTuple):
+    """A mission that waits, or will, and the network's present version and conditions."""
+
+    mission_id: MissionId
+    drone_id: DroneId
+    version: int
+    conditions: int
+
+
+async def waiting(
+    connection: AsyncConnection, *, at_ms: int, for_: timedelta
+) -> frozenset[Waiting]:
+    """The missions under way whose plans wait for so long after this moment, or longer."""
+    step, for_ms = mission_steps.c, for_ // timedelta(milliseconds=1)
+    query = (
+        select(
+            missions.c.mission_id, missions.c.drone_id, networks.c.version, networks.c.conditions
+        )
+        .join(networks, networks.c.network_id == missions.c.network_id)
+        .join(mission_steps, step.mission_id == missions.c.mission_id)
+        .where(is_under_way, step.kind == "WAIT", step.status == "PLANNED")
+        .where(step.planned_end_ms - step.planned_start_ms >= for_ms)
+        .where(step.planned_end_ms >= at_ms + for_ms)
+        .distinct()
+    )
+    return frozenset(Waiting(*row) for row in await connection.execute(query))

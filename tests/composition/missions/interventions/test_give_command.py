@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from skyway_composition.planning.solver_pool import SolverPool
 
-from tests.composition.missions.replanning.test_failsafes import failed_at
+from tests.composition.missions.replanning.failed_step import failed_at
 
 pytestmark = pytest.mark.databases("sqlite")
 

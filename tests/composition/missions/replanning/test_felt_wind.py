@@ -1,5 +1,7 @@
 """The planned weather of a drone's next flights counts by energy, as the drone counts it."""
 
+import math
+from collections.abc import Callable
 from datetime import UTC, datetime
 
 import pytest
@@ -7,6 +9,7 @@ from skyway_composition.missions.replanning.felt_wind import (
     air_ahead,
     first_flights,
     next_flights,
+    planned_air,
 )
 
 from skyway.contracts.flight_step import FlightStep, FlyStep, RechargeStep
@@ -59,9 +62,14 @@ def test_a_long_flight_counts_more_than_a_short_one_up_to_the_recharge() -> None
     ]
 
     packages = {PackageId("p"): 1.0}
-    flights = next_flights(steps, PAPER_SCENARIO, masses_kg=packages, carried=packages)
 
-    assert air_ahead(flights) == pytest.approx(1.1)
+    def in_air(air: Callable[[FlyStep], float]) -> float:
+        flights = next_flights(steps, PAPER_SCENARIO, masses_kg=packages, carried=packages, air=air)
+        return air_ahead(flights)
+
+    assert in_air(planned_air) == pytest.approx(1.1)
+    # A segment that the weather closes says nothing about energy.
+    assert in_air(lambda flight: 1.2 if flight.step_id == 1 else math.inf) == pytest.approx(1.2)
     assert air_ahead([]) == 1.0
 
 
