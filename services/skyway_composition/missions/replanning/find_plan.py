@@ -37,7 +37,7 @@ _MORE_AFTER_REFUSAL: Final = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """All that a new plan is made from; it is checked again before the plan is sent.
+    """All that a new plan is made from at a moment; it is checked again before the plan is sent.
 
     `felt_margin` is the energy margin that the plan needs in the wind that the drone feels.
     """
@@ -46,12 +46,14 @@ class Case:
     trouble: Trouble
     world: World
     closed: ClosedAhead
+    at_ms: int
     felt_margin: float = 0.0
 
     @property
     def energy_margin(self) -> float:
         """The share of energy that the plan adds to what the drone's planned model says."""
-        return max(self.situation.energy_margin(self.world), self.felt_margin)
+        margin = self.situation.energy_margin(self.world, at_ms=self.at_ms)
+        return max(margin, self.felt_margin)
 
     @property
     def margin_after_refusal(self) -> float:
@@ -262,7 +264,7 @@ class PlanFinder:
         # Reads the weather of the model here, since this may take a while.
         await world.weather(situation.model, self.context.now_ms)
         closed = ClosedAhead.of(world, now_ms=self.context.now_ms).for_model(situation.model)
-        case = Case(situation, trouble, world, closed)
+        case = Case(situation, trouble, world, closed, self.context.now_ms)
         anchor = self._anchor(case, closed=closed)
         if anchor is None:
             return NoPlanYet("START_UNKNOWN")

@@ -93,7 +93,7 @@ class StandbyRequests:
         world = world.for_drone(record.candidate.learned)
         await world.weather(situation.model, self.context.now_ms)
         closed = ClosedAhead.of(world, now_ms=self.context.now_ms).for_model(situation.model)
-        return Case(situation, _WHY, world, closed)
+        return Case(situation, _WHY, world, closed, self.context.now_ms)
 
     async def _before_standby(self, case: Case, served_step: int) -> _Asked | None:
         """Another standby for a drone that has not ended its service; the service stays."""
@@ -105,7 +105,7 @@ class StandbyRequests:
             self.context.solver,
             case.world,
             record,
-            energy_margin=situation.energy_margin(case.world),
+            energy_margin=case.energy_margin,
         )
         if not isinstance(trip, Trip):
             return None

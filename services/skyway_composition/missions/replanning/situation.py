@@ -115,14 +115,14 @@ class Situation:
         reported = None if health is None else health.charge_rate_factor
         return model_as_learned(candidate.model, candidate.learned.charging_at_most(reported))
 
-    def energy_margin(self, world: World) -> float:
-        """The share of energy that plans in this world add to what the planned model says.
+    def energy_margin(self, world: World, *, at_ms: int) -> float:
+        """The share of energy that plans from this moment add to what the planned model says.
 
         The wind that the weather of this world already has is not added again.
         """
         candidate = self.record.candidate
         margin = world.for_drone(candidate.learned).energy_margin(candidate.model)
-        factor = self._factor_beyond(partial(_air_in, world, candidate.model))
+        factor = self._factor_beyond(partial(_air_in, world, candidate.model, at_ms))
         # The next flights may have a tail wind, and the flights after them none.
         return max(margin, planned_more(max(factor, self._factor_in_calm_air or 0.0)))
 
@@ -166,9 +166,12 @@ class Situation:
         return self.record.candidate.learned.beyond(in_calm_air)
 
 
-def _air_in(world: World, model: DroneModel, flight: FlyStep) -> float:
-    """By how much the weather of a world multiplies the energy of a planned flight."""
-    at_ms = moment_to_ms(flight.planned_start_at)
+def _air_in(world: World, model: DroneModel, now_ms: int, flight: FlyStep) -> float:
+    """By how much the weather of a world multiplies the energy of a planned flight.
+
+    For a flight under way it is the weather of this moment: it may be newer than the flight.
+    """
+    at_ms = max(now_ms, moment_to_ms(flight.planned_start_at))
     known = world.conditions.weather
     if known is None or not known.counts_from(at_ms):
         return 1.0

@@ -64,6 +64,8 @@ async def test_a_new_plan_has_the_energy_for_wind_that_its_weather_lacks_and_for
     wind = {"wind": Wind(east_mps=east_mps, north_mps=0.0), "still_air_factor": own}
     felt = health(speed_mps / (speed_mps + east_mps)).model_copy(update=wind)
     await composition.receive(stands_at_b(drone, first, released_through=4, soc=0.6, health=felt))
+    # The forecast is newer than the plan.
+    composition.clock.advance(timedelta(minutes=5))
     await put_wind(composition, foreseen_mps)
 
     await composition.replanner.step()
