@@ -100,11 +100,10 @@ class Closings:
 
     async def lift(self, closure: Closure) -> None:
         """Lift a closure; a closure that was lifted before stays lifted."""
-        reach = await self.reach(closure)
         async with self.db.write() as tx:
             await store.change_conditions(tx, closure.network_id)
             if await store.lift(tx, closure.closure_id, now_ms=self.now_ms):
-                await self.impact.retry(tx, reach)
+                await self.impact.retry(tx, closure.network_id)
 
     async def reach(self, closure: Closure) -> Reach:
         """The closure with what it closes; NotFound if there is no such network."""

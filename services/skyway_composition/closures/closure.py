@@ -204,12 +204,8 @@ class Impact(Protocol):
         """Mark the missions that the closure affects for replanning, and return them."""
         ...
 
-    async def retry(self, tx: Tx, reach: Reach) -> None:
-        """Plan again for missions that found no plan, since this closure was lifted."""
-        ...
-
-    async def retry_all(self, tx: Tx, network_id: NetworkId) -> None:
-        """Plan again for the missions of a network that found no plan."""
+    async def retry(self, tx: Tx, network_id: NetworkId | None) -> None:
+        """Plan again for missions that found no plan; None for those of all networks."""
         ...
 
     async def models_in_flight(self, db: Database, network_id: NetworkId) -> tuple[DroneModel, ...]:

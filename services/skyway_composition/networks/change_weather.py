@@ -73,7 +73,7 @@ class WeatherChanges:
             await change_conditions(tx, network_id)
             await replace_forecast(tx, row)
             await self.impact.apply_weather(tx, network_id, weather)
-            await self.impact.retry_all(tx, network_id)
+            await self.impact.retry(tx, network_id)
             tx.after_commit(self.calendars.set)
         return stored.in_force(now_ms=now_ms)
 
@@ -91,7 +91,7 @@ class WeatherChanges:
             await self._lock(tx, network_id)
             if await delete_forecast(tx, network_id):
                 await change_conditions(tx, network_id)
-                await self.impact.retry_all(tx, network_id)
+                await self.impact.retry(tx, network_id)
                 tx.after_commit(self.calendars.set)
 
     async def in_force(self, network_id: NetworkId) -> WeatherInForce:

@@ -148,13 +148,8 @@ class MissionImpact:
         tx.after_commit(self.context.stuck.set)
         return found.shown()
 
-    async def retry(self, tx: Tx, reach: Reach) -> None:
-        """Plan again for missions without a plan or held on the ground, after a closure ended."""
-        await store.replan_waiting(tx, reach.closure.network_id)
-        tx.after_commit(self.context.stuck.set)
-
-    async def retry_all(self, tx: Tx, network_id: NetworkId) -> None:
-        """Plan again for the missions of a network without a plan."""
+    async def retry(self, tx: Tx, network_id: NetworkId | None) -> None:
+        """Plan again for missions without a plan or held on the ground; None for all networks."""
         await store.replan_waiting(tx, network_id)
         tx.after_commit(self.context.stuck.set)
 

@@ -17,7 +17,12 @@ from skyway_composition.calendar.attempts import Change, commit
 from skyway_composition.context import Context
 from skyway_composition.missions.mission.record import Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.find_plan import NewPlan, PlanFinder, trouble_of
+from skyway_composition.missions.replanning.find_plan import (
+    NewPlan,
+    NoPlanYet,
+    PlanFinder,
+    trouble_of,
+)
 from skyway_composition.missions.replanning.propose import Revision, propose, revision_of
 from skyway_composition.missions.replanning.situation import read_situation
 from skyway_composition.missions.replanning.store import Waiting, waiting
@@ -50,14 +55,14 @@ class WaitingMissions:
         return False
 
     async def _go_sooner(self, drone_id: DroneId) -> bool:
-        """Send another plan if that is better; False if something has changed meanwhile."""
+        """Send another plan if it serves sooner; False if this must be tried again."""
         seen = await read_situation(self.context, drone_id)
         if seen is None or trouble_of(seen.record) is not None:
             return True
         record = replace(seen.record, trouble=_WHY)
         found = await PlanFinder(self.context).find(replace(seen, record=record))
         if not isinstance(found, NewPlan) or found.remainder.given_up is not None:
-            return True
+            return not isinstance(found, NoPlanYet)
         revision = revision_of(found, record, seen.link, clock=self.context.clock)
         is_sooner = _served_at(revision.steps) + _WORTH <= _served_at(seen.planned)
         if revision.aims != record.aims or not is_sooner:

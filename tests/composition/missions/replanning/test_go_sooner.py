@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from skyway_composition.calendar.commit import WorldChanged
 from skyway_composition.missions.replanning import go_sooner
+from skyway_composition.missions.replanning.find_plan import NoPlanYet, PlanFinder
 from skyway_composition.missions.replanning.go_sooner import WaitingMissions
 
 from skyway.contracts.flight_step import FlyStep
@@ -80,18 +81,27 @@ async def test_a_drone_that_waits_keeps_its_plan_if_no_other_is_sooner(
     assert await composition.broken() == []
 
 
-async def test_a_mission_whose_calendar_has_just_changed_is_planned_again_at_the_next_look(
-    composition: Any, drone: Any, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("place", "name", "answer"),
+    [(go_sooner, "commit", WorldChanged()), (PlanFinder, "find", NoPlanYet("BUSY"))],
+)
+async def test_a_mission_that_gets_no_plan_yet_is_planned_again_at_the_next_look(
+    composition: Any,
+    drone: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    place: object,
+    name: str,
+    answer: object,
 ) -> None:
     closure, _ = await waits_at_b(composition, drone)
     waiting = WaitingMissions(composition.parts)
     await composition(OPERATOR, "DELETE", closure)
 
-    async def changed(*_: object) -> WorldChanged:
-        return WorldChanged()
+    async def not_yet(*_: object) -> object:
+        return answer
 
     with monkeypatch.context() as patched:
-        patched.setattr(go_sooner, "commit", changed)
+        patched.setattr(place, name, not_yet)
         await waiting.step()
     assert await composition.sent() == []
     await waiting.step()
