@@ -14,7 +14,7 @@ from tools.house_figures import ROOT, source_files
 from tools.trace_delivery import domain_files, own_calls, traced_calls
 
 #: Lines of source without migrations, by folder.
-MOST_LINES: Final = {"services/skyway_composition": 31_739, "skyway/runtime": 11_948}
+MOST_LINES: Final = {"services/skyway_composition": 31_748, "skyway/runtime": 11_948}
 
 #: Files of composition that import `MissionRecord`.
 MOST_IMPORTERS: Final = 41

@@ -45,13 +45,22 @@ class WaitingMissions:
     _planned: frozenset[Waiting] = field(default_factory=frozenset)
 
     async def step(self) -> bool:
-        """Plan for each waiting mission that was not planned for in the present conditions."""
+        """Plan for each waiting mission that was not planned for in the present conditions.
+
+        A mission that cannot be planned because of an error does not keep the others waiting.
+        """
         async with self.context.db.read() as connection:
             found = await waiting(connection, at_ms=self.context.now_ms, for_=_LONG_WAIT)
         self._planned &= found
+        failures: list[Exception] = []
         for each in sorted(found - self._planned):
-            if await self._go_sooner(each.drone_id):
-                self._planned |= {each}
+            try:
+                if await self._go_sooner(each.drone_id):
+                    self._planned |= {each}
+            except Exception as error:  # noqa: BLE001 - raised below
+                failures.append(error)
+        if failures:
+            raise ExceptionGroup("waiting missions not planned", failures)
         return False
 
     async def _go_sooner(self, drone_id: DroneId) -> bool:

@@ -8,8 +8,12 @@ from skyway_composition.calendar.commit import WorldChanged
 from skyway_composition.missions.replanning import go_sooner
 from skyway_composition.missions.replanning.find_plan import NoPlanYet, PlanFinder
 from skyway_composition.missions.replanning.go_sooner import WaitingMissions
+from skyway_composition.missions.replanning.situation import read_situation
+from skyway_composition.missions.replanning.store import Waiting
+from skyway_composition.missions.replanning.store import waiting as waiting_missions
 
 from skyway.contracts.flight_step import FlyStep
+from skyway.ids import DroneId, MissionId
 from tests.composition.missions.replanning.failed_step import failed_at, stands_at_b
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
@@ -105,5 +109,29 @@ async def test_a_mission_that_gets_no_plan_yet_is_planned_again_at_the_next_look
         await waiting.step()
     assert await composition.sent() == []
     await waiting.step()
+
+    assert len(await composition.sent()) == 1
+
+
+async def test_an_error_of_one_mission_does_not_keep_the_others_waiting(
+    composition: Any, drone: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closure, _ = await waits_at_b(composition, drone)
+    waiting = WaitingMissions(composition.parts)
+    await composition(OPERATOR, "DELETE", closure)
+
+    async def with_a_broken_one(*given: Any, **named: Any) -> frozenset[Waiting]:
+        broken = Waiting(MissionId(""), DroneId("broken"), 1, 0)
+        return await waiting_missions(*given, **named) | {broken}
+
+    async def read(context: Any, drone_id: DroneId) -> Any:
+        if drone_id == "broken":
+            raise ValueError(drone_id)
+        return await read_situation(context, drone_id)
+
+    monkeypatch.setattr(go_sooner, "waiting", with_a_broken_one)
+    monkeypatch.setattr(go_sooner, "read_situation", read)
+    with pytest.raises(ExceptionGroup, match="waiting missions not planned"):
+        await waiting.step()
 
     assert len(await composition.sent()) == 1
